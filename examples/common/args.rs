@@ -1,0 +1,55 @@
+//! The arguments of all examples.
+
+use bevy::prelude::*;
+use std::path::PathBuf;
+
+/// Where the models' kernels run.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
+pub enum Backend {
+    /// Draw.
+    Gpu,
+    /// Run the models alone: no picture, only the report.
+    Cpu,
+}
+
+/// Arguments of every example. With a display a window opens; without one, or with --out, frames are drawn headless
+/// and written with a report.json.
+#[derive(clap::Parser, Resource, Clone, Debug)]
+pub struct Args {
+    /// Steps to run headless; a window runs until it is closed.
+    #[arg(long, default_value_t = 60)]
+    pub frames: u32,
+    /// Size of the picture in pixels.
+    #[arg(long, value_name = "WxH", default_value = "800x600", value_parser = parse_size)]
+    pub size: UVec2,
+    /// Draw headless and write frame-NNNN.png and report.json into this folder.
+    #[arg(long, value_name = "DIR")]
+    pub out: Option<PathBuf>,
+    /// Write only every N-th frame (the last is always written).
+    #[arg(long, value_name = "N", default_value_t = 15)]
+    pub every: u32,
+    /// Seed of everything that is random.
+    #[arg(long, value_name = "S", default_value_t = 1)]
+    pub seed: u64,
+    /// Where the models' kernels run; cpu also means that nothing is drawn.
+    #[arg(long, value_enum, default_value_t = Backend::Gpu)]
+    pub backend: Backend,
+    /// Write the camera's path to this file.
+    #[arg(long, value_name = "FILE")]
+    pub record: Option<PathBuf>,
+    /// Follow the camera's path of this file.
+    #[arg(long, value_name = "FILE", conflicts_with = "record")]
+    pub replay: Option<PathBuf>,
+    /// An organ of your own: OBJ, STL, PLY, glTF or GLB; closed and without handles.
+    #[arg(long, value_name = "PATH")]
+    pub mesh: Option<PathBuf>,
+}
+
+fn parse_size(text: &str) -> Result<UVec2, String> {
+    let (width, height) = text.split_once('x').ok_or("write it as 800x600")?;
+    let side = |side: &str| match side.parse::<u32>() {
+        Ok(px) if (16..=8192).contains(&px) => Ok(px),
+        _ => Err(format!("{side} is no number of pixels between 16 and 8192")),
+    };
+    Ok(UVec2::new(side(width)?, side(height)?))
+}

@@ -1,0 +1,11 @@
+//! What all examples share: their arguments, the window or the headless run, and `report.json`.
+
+mod args;
+mod recording;
+mod report;
+mod run;
+
+#[allow(unused_imports, reason = "not every example uses every part")]
+pub use args::{Args, Backend};
+#[allow(unused_imports, reason = "not every example uses every part")]
+pub use run::{Stage, main_with, real_mesh};

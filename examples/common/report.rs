@@ -1,0 +1,71 @@
+//! `report.json`: what a run cost and what its models did.
+
+use bevy::diagnostic::DiagnosticsStore;
+use bevy::prelude::*;
+use bevy::render::RenderApp;
+use bevy_surgery::render::UploadedBytes;
+use serde_json::{Map, Value, json};
+use std::collections::BTreeMap;
+use std::time::Duration;
+
+/// What is measured while a run goes on.
+#[derive(Default)]
+pub struct Measures {
+    frames_ms: Vec<f64>,
+    uploaded: Vec<f64>,
+    spans_ms: BTreeMap<String, Vec<f64>>,
+}
+
+impl Measures {
+    /// Takes the measures of a frame that was just drawn.
+    pub fn take(&mut self, app: &App, frame: Duration) {
+        self.frames_ms.push(frame.as_secs_f64() * 1e3);
+        let render = app.get_sub_app(RenderApp);
+        if let Some(bytes) = render.and_then(|render| render.world().get_resource::<UploadedBytes>()) {
+            self.uploaded.push(bytes.0 as f64);
+        }
+        let Some(store) = app.world().get_resource::<DiagnosticsStore>() else { return };
+        for diagnostic in store.iter() {
+            if let Some(measurement) = diagnostic.measurement() {
+                self.spans_ms.entry(diagnostic.path().as_str().to_string()).or_default().push(measurement.value);
+            }
+        }
+    }
+
+    /// The report of the run.
+    pub fn report(&self, adapter: &str, size: UVec2, counters: Map<String, Value>) -> Value {
+        let spans = |prefix: &str, suffix: &str| -> Map<String, Value> {
+            let named = self.spans_ms.iter().filter_map(|(path, values)| {
+                let name = path.strip_prefix(prefix)?.strip_suffix(suffix)?;
+                Some((name.to_string(), json!(rounded(quantile(values, 0.5)))))
+            });
+            named.collect()
+        };
+        json!({
+            "adapter": adapter,
+            "size": [size.x, size.y],
+            "frames": self.frames_ms.len(),
+            "frame_ms": {
+                "median": rounded(quantile(&self.frames_ms, 0.5)),
+                "p95": rounded(quantile(&self.frames_ms, 0.95)),
+            },
+            "stage_ms": spans("surgery/", ""),
+            "pass_ms": spans("render/", "/elapsed_gpu"),
+            "pass_encoding_ms": spans("render/", "/elapsed_cpu"),
+            "bytes_uploaded_per_frame": quantile(&self.uploaded, 0.5),
+            "counters": counters,
+        })
+    }
+}
+
+fn rounded(ms: f64) -> f64 {
+    (ms * 1e4).round() / 1e4
+}
+
+/// The value at a share of a list; 0 for an empty one.
+fn quantile(values: &[f64], share: f64) -> f64 {
+    let mut sorted = values.to_vec();
+    sorted.sort_by(f64::total_cmp);
+    let place = (sorted.len() as f64 * share) as usize;
+    sorted.get(place.min(sorted.len().saturating_sub(1))).copied().unwrap_or(0.0)
+}

@@ -1,0 +1,171 @@
+//! Runs an example in a window, or headless.
+
+use super::args::{Args, Backend};
+use super::{recording, report::Measures};
+use bevy::asset::UnapprovedPathMode;
+use bevy::camera::RenderTarget;
+use bevy::pbr::PbrPlugin;
+use bevy::prelude::*;
+use bevy::render::diagnostic::RenderDiagnosticsPlugin;
+use bevy_surgery::diagnostics::SurgeryDiagnosticsPlugin;
+use bevy_surgery::prelude::*;
+use bevy_surgery::render::graphics_adapters;
+use bevy_surgery::testing::TestApp;
+use clap::Parser;
+use serde_json::{Map, Value};
+use std::path::{Path, PathBuf};
+use std::process::ExitCode;
+use std::time::Instant;
+
+/// How a run is shown, for an example's `setup`.
+#[derive(Resource, Clone)]
+pub struct Stage {
+    /// Where cameras draw to.
+    pub target: RenderTarget,
+    /// Whether a person is there to turn the view.
+    pub is_interactive: bool,
+}
+
+/// Parses the arguments and runs an example: `add` adds its systems, `count` fills the report's counters.
+pub fn main_with(name: &str, add: impl FnOnce(&mut App), count: impl FnOnce(&mut World) -> Map<String, Value>) -> ExitCode {
+    let args = Args::parse();
+    let ran = if args.backend == Backend::Cpu {
+        run_models(&args, name, add, count)
+    } else if graphics_adapters().is_empty() {
+        Err("no Vulkan, Metal or DirectX driver was found: run script/bootstrap, or use --backend cpu".into())
+    } else if args.out.is_none() && has_display() {
+        run_window(&args, name, add)
+    } else {
+        run_headless(&args, name, add, count)
+    };
+    match ran {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(reason) => {
+            eprintln!("{name}: {reason}");
+            ExitCode::FAILURE
+        }
+    }
+}
+
+/// A real mesh of the data folder beside the project, where it is there.
+pub fn real_mesh(name: &str) -> Option<PathBuf> {
+    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../shared/data/mesh").join(name);
+    path.canonicalize().ok()
+}
+
+/// Whether a window can be opened: on Linux, whether an X server answers at `DISPLAY`.
+fn has_display() -> bool {
+    if !cfg!(target_os = "linux") {
+        return true;
+    }
+    let display = std::env::var("DISPLAY").unwrap_or_default();
+    match display.strip_prefix(':') {
+        Some(number) => {
+            let number = number.split('.').next().unwrap_or_default();
+            Path::new("/tmp/.X11-unix").join(format!("X{number}")).exists()
+        }
+        None => !display.is_empty(),
+    }
+}
+
+fn run_window(args: &Args, name: &str, add: impl FnOnce(&mut App)) -> Result<(), String> {
+    let window = Window { title: name.into(), resolution: (args.size.x, args.size.y).into(), ..default() };
+    let mut app = App::new();
+    app.add_plugins((
+        DefaultPlugins
+            .set(WindowPlugin { primary_window: Some(window), ..default() })
+            .set(AssetPlugin { unapproved_path_mode: UnapprovedPathMode::Deny, ..default() }),
+        SurgeryPlugins,
+    ));
+    app.insert_resource(args.clone());
+    app.insert_resource(Stage { target: RenderTarget::default(), is_interactive: true });
+    recording::build(&mut app, args)?;
+    let keep = args.clone();
+    app.add_systems(Last, move |world: &World, exits: MessageReader<AppExit>| {
+        if !exits.is_empty()
+            && let Err(reason) = recording::finish(world, &keep)
+        {
+            error!("{reason}");
+        }
+    });
+    add(&mut app);
+    match app.run() {
+        AppExit::Success => Ok(()),
+        AppExit::Error(code) => Err(format!("stopped with code {code}; the log above says why")),
+    }
+}
+
+fn run_headless(
+    args: &Args,
+    name: &str,
+    add: impl FnOnce(&mut App),
+    count: impl FnOnce(&mut World) -> Map<String, Value>,
+) -> Result<(), String> {
+    let out = folder(args, name)?;
+    let mut app = TestApp::gpu_with(args.size.x, args.size.y, |app| {
+        app.add_plugins((bevy::log::LogPlugin::default(), PbrPlugin::default(), RenderDiagnosticsPlugin));
+    });
+    app.add_plugins(SurgeryDiagnosticsPlugin);
+    app.insert_resource(args.clone());
+    let target = RenderTarget::Image(app.target().image.into());
+    app.insert_resource(Stage { target, is_interactive: false });
+    recording::build(&mut app, args)?;
+    add(&mut app);
+    app.warm_up();
+    let mut measures = Measures::default();
+    for frame in 0..args.frames {
+        let started = Instant::now();
+        app.step(1);
+        measures.take(&app, started.elapsed());
+        if frame % args.every.max(1) == 0 || frame + 1 == args.frames {
+            let file = out.join(format!("frame-{frame:04}.png"));
+            app.capture().save(&file).map_err(|error| format!("{}: {error}", file.display()))?;
+        }
+    }
+    let adapter = graphics_adapters().first().map_or_else(String::new, |adapter| adapter.name.clone());
+    recording::finish(app.world(), args)?;
+    let counters = count(app.world_mut());
+    write_report(&out, measures.report(&adapter, args.size, counters))
+}
+
+fn run_models(
+    args: &Args,
+    name: &str,
+    add: impl FnOnce(&mut App),
+    count: impl FnOnce(&mut World) -> Map<String, Value>,
+) -> Result<(), String> {
+    let out = folder(args, name)?;
+    let mut app = TestApp::cpu();
+    app.add_plugins((bevy::log::LogPlugin::default(), SurgeryDiagnosticsPlugin));
+    app.insert_resource(args.clone());
+    app.insert_resource(Stage { target: RenderTarget::default(), is_interactive: false });
+    recording::build(&mut app, args)?;
+    add(&mut app);
+    app.idle_until("organs", |app| {
+        let mut waiting = app.world_mut().query_filtered::<(), (With<Organ>, Without<OrganShape>)>();
+        waiting.iter(app.world()).next().is_none()
+    });
+    let mut measures = Measures::default();
+    for _ in 0..args.frames {
+        let started = Instant::now();
+        app.step(1);
+        measures.take(&app, started.elapsed());
+    }
+    recording::finish(app.world(), args)?;
+    let counters = count(app.world_mut());
+    write_report(&out, measures.report("none", args.size, counters))
+}
+
+fn folder(args: &Args, name: &str) -> Result<PathBuf, String> {
+    let out = args.out.clone().unwrap_or_else(|| Path::new("out").join(name));
+    std::fs::create_dir_all(&out).map_err(|error| format!("{}: {error}", out.display()))?;
+    Ok(out)
+}
+
+fn write_report(out: &Path, report: Value) -> Result<(), String> {
+    let file = out.join("report.json");
+    let text = format!("{report:#}\n");
+    std::fs::write(&file, text).map_err(|error| format!("{}: {error}", file.display()))?;
+    println!("{}", file.display());
+    Ok(())
+}

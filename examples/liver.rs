@@ -1,0 +1,76 @@
+//! A liver under the endoscope: real where one is at hand, otherwise the one that ships with the crate.
+//!
+//! Drag with the left button to turn it, with the right to move, scroll to come closer.
+
+mod common;
+
+use bevy::prelude::*;
+use bevy_panorbit_camera::{PanOrbitCamera, PanOrbitCameraPlugin};
+use bevy_surgery::prelude::*;
+use common::{Args, Stage};
+use std::process::ExitCode;
+
+fn main() -> ExitCode {
+    common::main_with(
+        "liver",
+        |app| {
+            app.add_systems(Startup, setup).add_systems(FixedUpdate, turn.in_set(SurgerySystems::Sense));
+            if app.world().resource::<Stage>().is_interactive {
+                app.add_plugins(PanOrbitCameraPlugin);
+            }
+        },
+        count,
+    )
+}
+
+fn setup(
+    mut commands: Commands,
+    args: Res<Args>,
+    stage: Res<Stage>,
+    assets: Res<AssetServer>,
+    mut models: ResMut<Assets<OrganModel>>,
+) -> Result {
+    // Files come in all units: whatever they say, a liver is some 22 cm wide.
+    let options = OrganOptions::default().with_largest_extent_m(0.22).centred();
+    let liver = match args.mesh.clone().or_else(|| common::real_mesh("liver-smooth.obj")) {
+        Some(file) => assets
+            .load_builder()
+            .with_settings(move |settings: &mut OrganOptions| *settings = options.clone())
+            .override_unapproved()
+            .load(file),
+        None => models.add(OrganModel::procedural_liver(&options)?),
+    };
+    commands.spawn((Organ(liver), Skin { seed: args.seed, ..Skin::liver() }, Patient));
+    let mut scope = commands.spawn((
+        Endoscope::default(),
+        stage.target.clone(),
+        Transform::from_xyz(0.0, 0.11, 0.2).looking_at(Vec3::new(0.0, -0.01, 0.0), Vec3::Y),
+    ));
+    if stage.is_interactive {
+        scope.insert(PanOrbitCamera { zoom_lower_limit: 0.02, zoom_sensitivity: 0.3, ..default() });
+    }
+    Ok(())
+}
+
+/// Marks the organ that is looked at.
+#[derive(Component)]
+struct Patient;
+
+/// Turns the organ slowly where nobody is there to do so.
+fn turn(stage: Res<Stage>, mut organs: Query<&mut Transform, With<Patient>>) {
+    for mut transform in organs.iter_mut().filter(|_| !stage.is_interactive) {
+        transform.rotate_y(0.01);
+    }
+}
+
+fn count(world: &mut World) -> serde_json::Map<String, serde_json::Value> {
+    let mut counters = serde_json::Map::new();
+    let mut organs = world.query::<&Organ>();
+    let models = world.resource::<Assets<OrganModel>>();
+    if let Some(model) = organs.iter(world).next().and_then(|organ| models.get(&organ.0)) {
+        counters.insert("faces".into(), model.mesh.triangles.len().into());
+        counters.insert("skin_triangles".into(), (model.skin_mesh.indices.len() / 3).into());
+        counters.insert("organ".into(), serde_json::to_value(&model.report).unwrap_or_default());
+    }
+    counters
+}

@@ -1,0 +1,56 @@
+// An organ's vertices, shared by every layer that is drawn on it. Spaces: organ (at rest or moved), world, clip.
+// Rust twin: `organ/render`.
+#define_import_path bevy_surgery::organ
+
+#import bevy_render::view::View
+#import bevy_surgery::lights::OrganLights
+
+struct OrganUniform {
+    world_from_organ: mat4x4<f32>,
+    world_from_organ_normal: mat4x4<f32>,
+    lights: OrganLights,
+}
+
+struct PrimaryVertex {
+    position_m: vec4<f32>,
+    normal: vec4<f32>,
+}
+
+@group(0) @binding(0) var<uniform> view: View;
+@group(1) @binding(0) var<uniform> organ: OrganUniform;
+@group(1) @binding(1) var<storage, read> primaries: array<PrimaryVertex>;
+
+struct CornerVertex {
+    @location(0) primaries: vec3<u32>,
+    @location(1) weights: vec3<f32>,
+    @location(2) tile_barycentric: vec2<f32>,
+    @location(3) texture_triangle: u32,
+    @location(4) rest_position_m: vec3<f32>,
+}
+
+// A secondary vertex: the fixed combination of its primary vertices, wherever they are now.
+struct SecondaryVertex {
+    position_world_m: vec3<f32>,
+    // Not normalised: interpolates like the normals of the geometric mesh.
+    normal_world: vec3<f32>,
+}
+
+fn secondary_vertex(corner: CornerVertex) -> SecondaryVertex {
+    var position = vec3(0.0);
+    var normal = vec3(0.0);
+    for (var k = 0u; k < 3u; k++) {
+        let primary = primaries[corner.primaries[k]];
+        position += corner.weights[k] * primary.position_m.xyz;
+        normal += corner.weights[k] * primary.normal.xyz;
+    }
+    var out: SecondaryVertex;
+    out.position_world_m = (organ.world_from_organ * vec4(position, 1.0)).xyz;
+    out.normal_world = (organ.world_from_organ_normal * vec4(normal, 0.0)).xyz;
+    return out;
+}
+
+// Unit vector from a point towards the eye, for perspective and parallel views.
+fn to_eye(position_world_m: vec3<f32>) -> vec3<f32> {
+    let is_parallel = view.clip_from_view[3].w == 1.0;
+    return normalize(select(view.world_position - position_world_m, view.world_from_view[2].xyz, is_parallel));
+}

@@ -1,0 +1,58 @@
+//! How long the stages of a step take, as Bevy diagnostics.
+
+use crate::schedule::SurgerySystems;
+use bevy::diagnostic::{Diagnostic, DiagnosticPath, Diagnostics, RegisterDiagnostic};
+use bevy::prelude::*;
+use std::time::Instant;
+
+const STAGES: [(SurgerySystems, DiagnosticPath); 8] = [
+    (SurgerySystems::Sense, DiagnosticPath::const_new("surgery/sense")),
+    (SurgerySystems::Touch, DiagnosticPath::const_new("surgery/touch")),
+    (SurgerySystems::Cut, DiagnosticPath::const_new("surgery/cut")),
+    (SurgerySystems::Deform, DiagnosticPath::const_new("surgery/deform")),
+    (SurgerySystems::React, DiagnosticPath::const_new("surgery/react")),
+    (SurgerySystems::Flow, DiagnosticPath::const_new("surgery/flow")),
+    (SurgerySystems::Judge, DiagnosticPath::const_new("surgery/judge")),
+    (SurgerySystems::Publish, DiagnosticPath::const_new("surgery/publish")),
+];
+
+/// Measures every stage of [`SurgerySystems`] in milliseconds, under `surgery/<stage>` in Bevy's `DiagnosticsStore`.
+///
+/// Not in [`SurgeryPlugins`](crate::SurgeryPlugins), because it makes the stages wait for one another.
+pub struct SurgeryDiagnosticsPlugin;
+
+/// When each stage began, and when the last one ended.
+#[derive(Resource, Default)]
+struct StageTimes([Option<Instant>; 9]);
+
+impl SurgeryDiagnosticsPlugin {
+    /// Path of a stage's diagnostic.
+    pub fn path(stage: SurgerySystems) -> DiagnosticPath {
+        STAGES[stage as usize].1.clone()
+    }
+}
+
+impl Plugin for SurgeryDiagnosticsPlugin {
+    fn build(&self, app: &mut App) {
+        app.init_resource::<StageTimes>();
+        for (place, (stage, path)) in STAGES.iter().enumerate() {
+            app.register_diagnostic(Diagnostic::new(path.clone()).with_suffix(" ms"));
+            let mark = move |mut times: ResMut<StageTimes>| times.0[place] = Some(Instant::now());
+            let mark = mark.before(*stage);
+            match place.checked_sub(1) {
+                Some(before) => app.add_systems(FixedUpdate, mark.after(STAGES[before].0)),
+                None => app.add_systems(FixedUpdate, mark),
+            };
+        }
+        app.add_systems(FixedUpdate, report.after(SurgerySystems::Publish));
+    }
+}
+
+fn report(mut times: ResMut<StageTimes>, mut diagnostics: Diagnostics) {
+    times.0[STAGES.len()] = Some(Instant::now());
+    for (place, (_, path)) in STAGES.iter().enumerate() {
+        if let (Some(begin), Some(end)) = (times.0[place], times.0[place + 1]) {
+            diagnostics.add_measurement(path, || (end - begin).as_secs_f64() * 1e3);
+        }
+    }
+}

@@ -1,0 +1,81 @@
+//! Bevy plugins for surgical training: organs with living skin, and the house that drilling, fluids, deformation,
+//! instruments and scored scenarios are built into.
+//!
+//! ```no_run
+//! use bevy::prelude::*;
+//! use bevy_surgery::prelude::*;
+//!
+//! fn main() {
+//!     App::new().add_plugins((DefaultPlugins, SurgeryPlugins)).add_systems(Startup, setup).run();
+//! }
+//!
+//! fn setup(mut commands: Commands, mut models: ResMut<Assets<OrganModel>>) -> Result {
+//!     // The liver that ships with the crate; `AssetServer::load` takes OBJ, STL, PLY and glTF files of your own.
+//!     let liver = OrganModel::procedural_liver(&OrganOptions::default())?;
+//!     commands.spawn((Organ(models.add(liver)), Skin::liver()));
+//!     commands.spawn((Endoscope::default(), Transform::from_xyz(0.0, 0.12, 0.22).looking_at(Vec3::ZERO, Vec3::Y)));
+//!     Ok(())
+//! }
+//! ```
+//!
+//! Lengths are metres, angles radians, light photometric as in Bevy. The models run on the CPU, deterministically and
+//! without a GPU; the GPU shows them. With `default-features = false` nothing but the models is built.
+
+// Systems take what they need, and queries spell out what they touch.
+#![allow(clippy::too_many_arguments, clippy::type_complexity)]
+#![warn(missing_docs)]
+
+pub mod diagnostics;
+pub mod organ;
+#[cfg(feature = "render")]
+pub mod render;
+pub mod schedule;
+pub mod skin;
+pub mod testing;
+#[cfg(feature = "render")]
+pub mod view;
+
+/// What a scene needs, in one import.
+pub mod prelude {
+    pub use crate::SurgeryPlugins;
+    pub use crate::organ::{Organ, OrganModel, OrganOptions, OrganShape, SurfacePoint};
+    pub use crate::schedule::SurgerySystems;
+    pub use crate::skin::{OrganPreset, Skin};
+    #[cfg(feature = "render")]
+    pub use crate::view::{Endoscope, ScopeLight, ScopeMask};
+}
+
+use bevy::app::{PluginGroup, PluginGroupBuilder};
+
+/// Everything, in the order in which it must be added.
+///
+/// Take members out or set them one by one, as with Bevy's own groups:
+///
+/// ```
+/// # use bevy::prelude::*;
+/// # use bevy_surgery::{SurgeryPlugins, schedule::SurgerySchedulePlugin, skin::SkinPlugin};
+/// # App::new().add_plugins((MinimalPlugins, AssetPlugin::default())).add_plugins(
+/// SurgeryPlugins.build().disable::<SkinPlugin>().set(SurgerySchedulePlugin { steps_per_second: Some(120.0) })
+/// # );
+/// ```
+///
+/// | member | gives | needs |
+/// |---|---|---|
+/// | [`SurgerySchedulePlugin`](schedule::SurgerySchedulePlugin) | [`SurgerySystems`](schedule::SurgerySystems), 60 steps a second | |
+/// | [`SurgeryRenderPlugin`](render::SurgeryRenderPlugin) (feature `render`) | shaders, light list, [`OrganPasses`](render::OrganPasses) | |
+/// | [`OrganPlugin`](organ::OrganPlugin) | organ loaders, [`Organ`](organ::Organ), [`OrganShape`](organ::OrganShape) | schedule |
+/// | [`SkinPlugin`](skin::SkinPlugin) | [`Skin`](skin::Skin) | organ; render to be seen |
+/// | [`SurgeryViewPlugin`](view::SurgeryViewPlugin) (feature `render`) | [`Endoscope`](view::Endoscope), [`ScopeLight`](view::ScopeLight), [`ScopeMask`](view::ScopeMask) | render |
+pub struct SurgeryPlugins;
+
+impl PluginGroup for SurgeryPlugins {
+    fn build(self) -> PluginGroupBuilder {
+        let group = PluginGroupBuilder::start::<Self>().add(schedule::SurgerySchedulePlugin::default());
+        #[cfg(feature = "render")]
+        let group = group.add(render::SurgeryRenderPlugin);
+        let group = group.add(organ::OrganPlugin::default()).add(skin::SkinPlugin);
+        #[cfg(feature = "render")]
+        let group = group.add(view::SurgeryViewPlugin);
+        group
+    }
+}

@@ -1,0 +1,85 @@
+//! Organs as Bevy assets.
+
+use super::build::{OrganError, OrganModel, OrganOptions};
+use super::cache::OrganCache;
+use super::load;
+use bevy::asset::io::Reader;
+use bevy::asset::{AssetLoader, AssetPath, LoadContext};
+use bevy::prelude::*;
+use bevy::reflect::TypePath;
+use std::collections::BTreeMap;
+
+/// Loads an [`OrganModel`] from OBJ, STL, PLY, glTF or GLB.
+///
+/// The work is done off the main thread, and built organs are kept on disk ([`OrganCache`]). The settings are
+/// [`OrganOptions`]:
+///
+/// ```no_run
+/// # use bevy::prelude::*;
+/// # use bevy_surgery::prelude::*;
+/// # fn setup(assets: Res<AssetServer>) {
+/// let liver: Handle<OrganModel> = assets
+///     .load_builder()
+///     .with_settings(|options: &mut OrganOptions| *options = OrganOptions::default().with_largest_extent_m(0.22))
+///     .load("liver.obj");
+/// # }
+/// ```
+#[derive(TypePath, Default)]
+pub struct OrganModelLoader {
+    /// Where built organs are kept.
+    pub cache: OrganCache,
+}
+
+impl AssetLoader for OrganModelLoader {
+    type Asset = OrganModel;
+    type Settings = OrganOptions;
+    type Error = OrganError;
+
+    async fn load(
+        &self,
+        reader: &mut dyn Reader,
+        options: &OrganOptions,
+        context: &mut LoadContext<'_>,
+    ) -> Result<OrganModel, OrganError> {
+        let path = context.path().clone();
+        let file = path.to_string();
+        let mut bytes = Vec::new();
+        reader
+            .read_to_end(&mut bytes)
+            .await
+            .map_err(|error| OrganError::Io { file: file.clone(), error: error.to_string() })?;
+        // A .gltf file names the files with its numbers only inside: read, look what it asks for, fetch, read again.
+        let mut siblings: BTreeMap<String, Result<Vec<u8>, String>> = BTreeMap::new();
+        loop {
+            let mut asked = None;
+            let parsed = load::parse_with(&bytes, &file, &options.load, &mut |name| match siblings.get(name) {
+                Some(fetched) => fetched.clone(),
+                None => {
+                    asked.get_or_insert_with(|| name.to_string());
+                    Err("is being fetched".into())
+                }
+            });
+            let Some(name) = asked else {
+                return OrganModel::from_mesh_cached(parsed?.0, &file, options, &self.cache);
+            };
+            let fetched = fetch(context, &path, &name).await;
+            siblings.insert(name, fetched);
+        }
+    }
+
+    fn extensions(&self) -> &[&str] {
+        &["obj", "stl", "ply", "gltf", "glb"]
+    }
+}
+
+async fn fetch(context: &mut LoadContext<'_>, beside: &AssetPath<'static>, name: &str) -> Result<Vec<u8>, String> {
+    let path = beside.resolve_embed_str(name).map_err(|error| error.to_string())?;
+    context.read_asset_bytes(path).await.map_err(|error| error.to_string())
+}
+
+pub(super) fn build(app: &mut App, cache: OrganCache) {
+    app.init_asset::<OrganModel>()
+        .register_asset_reflect::<OrganModel>()
+        .register_type::<OrganOptions>()
+        .register_asset_loader(OrganModelLoader { cache });
+}

@@ -1,0 +1,50 @@
+//! The organ as geometry: a closed surface, its spherical chart, and the texture mesh that carries its skin.
+//!
+//! An [`OrganModel`] is everything that can be known of an organ before it moves: the [`SurfaceMesh`] that a file
+//! held, the bijective chart ([`chart`]), the table from texture coordinates to faces ([`atlas`]) and the overlay of a
+//! near-regular texture mesh ([`texture_mesh`]). It is loaded off the main thread and cached on disk. An entity with
+//! the [`Organ`] component shows one; its [`OrganShape`] holds where the vertices are now.
+//!
+//! The models in here are plain Rust and know neither ECS nor GPU.
+
+mod asset;
+pub mod atlas;
+mod build;
+mod cache;
+pub mod chart;
+pub mod clean;
+pub mod error;
+pub mod load;
+pub mod mesh;
+pub mod planar;
+pub mod procedural;
+#[cfg(feature = "render")]
+pub mod render;
+mod shape;
+pub mod sphere;
+pub mod texture_mesh;
+
+pub use asset::OrganModelLoader;
+pub use build::{ChartKind, OrganError, OrganModel, OrganOptions, OrganParts, OrganReport};
+pub use cache::OrganCache;
+pub use mesh::SurfaceMesh;
+pub use shape::{Organ, OrganShape};
+pub use sphere::{SphereMesh, SurfacePoint};
+
+use bevy::prelude::*;
+
+/// Loads organs and keeps their shapes. See the [module](self).
+#[derive(Default)]
+pub struct OrganPlugin {
+    /// Where built organs are kept between runs.
+    pub cache: OrganCache,
+}
+
+impl Plugin for OrganPlugin {
+    fn build(&self, app: &mut App) {
+        asset::build(app, self.cache.clone());
+        shape::build(app);
+        #[cfg(feature = "render")]
+        render::build(app);
+    }
+}

@@ -1,0 +1,86 @@
+//! What the render world takes of organs each frame.
+
+use super::prepare::OrganBuffers;
+use crate::organ::{Organ, OrganModel, OrganShape};
+use bevy::camera::primitives::Aabb;
+use bevy::camera::visibility::RenderLayers;
+use bevy::prelude::*;
+use bevy::render::Extract;
+use bevy::render::sync_world::MainEntity;
+use bytemuck::{Pod, Zeroable};
+
+/// A primary vertex as the vertex shader reads it (`shaders/organ.wgsl`).
+#[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
+#[repr(C)]
+pub struct PrimaryVertex {
+    /// Position in the organ's space, metres; the last component is padding.
+    pub position_m: [f32; 4],
+    /// Unit normal in the organ's space; the last component is padding.
+    pub normal: [f32; 4],
+}
+
+/// An organ of this frame.
+#[derive(Clone, Debug)]
+pub struct ExtractedOrgan {
+    /// Its entity in the main world.
+    pub entity: MainEntity,
+    /// Its model.
+    pub model: AssetId<OrganModel>,
+    /// Organ space to world.
+    pub world_from_organ: Mat4,
+    /// Centre of its bounds in the world, metres: where lights are ranked.
+    pub centre_world_m: Vec3,
+    /// Layers that it is on.
+    pub layers: RenderLayers,
+    /// Which shape the vertices are of.
+    pub revision: (AssetId<OrganModel>, u64),
+    /// The vertices, where the GPU's copy is old.
+    pub moved: Option<Vec<PrimaryVertex>>,
+}
+
+/// Every organ of this frame, in order of their entities.
+#[derive(Resource, Default)]
+pub struct ExtractedOrgans {
+    /// The organs.
+    pub organs: Vec<ExtractedOrgan>,
+}
+
+/// Keeps the culling box around the vertices.
+pub(super) fn bound_shapes(mut commands: Commands, shapes: Query<(Entity, &OrganShape), Changed<OrganShape>>) {
+    for (entity, shape) in &shapes {
+        if let Some(bounds) = Aabb::enclosing(shape.positions_m()) {
+            commands.entity(entity).insert(bounds);
+        }
+    }
+}
+
+type Shaped = (Entity, &'static Organ, &'static OrganShape, &'static GlobalTransform, Option<&'static Aabb>, Option<&'static RenderLayers>);
+
+pub(super) fn extract_organs(
+    mut extracted: ResMut<ExtractedOrgans>,
+    buffers: Res<OrganBuffers>,
+    organs: Extract<Query<Shaped>>,
+) {
+    extracted.organs.clear();
+    for (entity, organ, shape, transform, bounds, layers) in organs.iter() {
+        let entity = MainEntity::from(entity);
+        let centre = bounds.map_or(Vec3::ZERO, |bounds| bounds.center.into());
+        let revision = (organ.0.id(), shape.revision());
+        let is_old = buffers.revision(entity) != Some(revision);
+        extracted.organs.push(ExtractedOrgan {
+            entity,
+            model: organ.0.id(),
+            world_from_organ: transform.to_matrix(),
+            centre_world_m: transform.transform_point(centre),
+            layers: layers.cloned().unwrap_or_default(),
+            revision,
+            moved: is_old.then(|| {
+                shape.positions_m().iter().zip(shape.normals()).map(|(position, normal)| PrimaryVertex {
+                    position_m: position.extend(0.0).to_array(),
+                    normal: normal.extend(0.0).to_array(),
+                }).collect()
+            }),
+        });
+    }
+    extracted.organs.sort_by_key(|organ| organ.entity);
+}

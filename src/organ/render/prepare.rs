@@ -1,0 +1,278 @@
+//! Buffers and bind groups of organs.
+
+use super::extract::{ExtractedOrgans, PrimaryVertex};
+use crate::organ::OrganModel;
+use crate::render::{OrganLights, SceneLights, UploadedBytes, shader_path, strongest_lights};
+use bevy::core_pipeline::core_3d::CORE_3D_DEPTH_FORMAT;
+use bevy::ecs::system::{SystemParamItem, lifetimeless::SRes};
+use bevy::mesh::VertexBufferLayout;
+use bevy::prelude::*;
+use bevy::render::render_asset::{PrepareAssetError, RenderAsset};
+use bevy::render::render_resource::{binding_types::{storage_buffer_read_only_sized, uniform_buffer}, *};
+use bevy::render::renderer::{RenderDevice, RenderQueue};
+use bevy::render::sync_world::MainEntity;
+use bevy::render::view::{ViewUniform, ViewUniforms};
+use bytemuck::{Pod, Zeroable};
+use std::collections::BTreeMap;
+
+/// One corner of a skin triangle. Nothing in it changes while the organ moves.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
+#[repr(C)]
+pub struct CornerVertex {
+    /// Indices of the primary vertices that it is a combination of.
+    pub primaries: [u32; 3],
+    /// Their weights; they sum to one.
+    pub weights: [f32; 3],
+    /// Place in the texture triangle: weights of its first two corners (the third is what is left of one).
+    pub tile_barycentric: [f32; 2],
+    /// Which texture triangle it belongs to.
+    pub texture_triangle: u32,
+    /// Position of the organ at rest, organ space, metres: solid noise does not swim when the organ moves.
+    pub rest_position_m: [f32; 3],
+}
+
+/// Layout of [`CornerVertex`] at shader locations 0 to 4.
+pub fn corner_vertex_layout() -> VertexBufferLayout {
+    VertexBufferLayout::from_vertex_formats(
+        VertexStepMode::Vertex,
+        [
+            VertexFormat::Uint32x3,
+            VertexFormat::Float32x3,
+            VertexFormat::Float32x2,
+            VertexFormat::Uint32,
+            VertexFormat::Float32x3,
+        ],
+    )
+}
+
+/// The unmoving part of an [`OrganModel`] on the GPU.
+pub struct GpuOrganModel {
+    /// [`CornerVertex`] per corner.
+    pub corners: Buffer,
+    /// Three `u32` per skin triangle.
+    pub indices: Buffer,
+    /// Number of indices.
+    pub index_count: u32,
+    /// The model itself.
+    pub model: OrganModel,
+}
+
+impl RenderAsset for GpuOrganModel {
+    type SourceAsset = OrganModel;
+    type Param = SRes<RenderDevice>;
+
+    fn prepare_asset(
+        model: OrganModel,
+        _: AssetId<OrganModel>,
+        device: &mut SystemParamItem<Self::Param>,
+        _: Option<&Self>,
+    ) -> Result<Self, PrepareAssetError<OrganModel>> {
+        let corners = model.corner_vertices();
+        let buffer = |label, usage, contents: &[u8]| {
+            device.create_buffer_with_data(&BufferInitDescriptor { label: Some(label), usage, contents })
+        };
+        Ok(Self {
+            corners: buffer("organ_corners", BufferUsages::VERTEX, bytemuck::cast_slice(&corners)),
+            indices: buffer("organ_indices", BufferUsages::INDEX, bytemuck::cast_slice(&model.skin_mesh.indices)),
+            index_count: model.skin_mesh.indices.len() as u32,
+            model,
+        })
+    }
+}
+
+/// An organ of this frame as the shaders read it (`shaders/organ.wgsl`).
+#[derive(Clone, Copy, Debug, Default, ShaderType)]
+pub struct OrganUniform {
+    /// Organ space to world.
+    pub world_from_organ: Mat4,
+    /// Inverse transpose of the above, for normals under any scale.
+    pub world_from_organ_normal: Mat4,
+    /// The lights that reach it.
+    pub lights: OrganLights,
+}
+
+/// Bind group layouts that all layers share.
+#[derive(Resource, Clone)]
+pub struct OrganLayouts {
+    /// Group 0: Bevy's view uniform, with a dynamic offset.
+    pub view: BindGroupLayoutDescriptor,
+    /// Group 1: [`OrganUniform`] with a dynamic offset, and the primary vertices.
+    pub organ: BindGroupLayoutDescriptor,
+}
+
+pub(super) fn init_layouts(mut commands: Commands) {
+    commands.insert_resource(OrganLayouts {
+        view: BindGroupLayoutDescriptor::new(
+            "organ_view_layout",
+            &BindGroupLayoutEntries::single(ShaderStages::VERTEX_FRAGMENT, uniform_buffer::<ViewUniform>(true)),
+        ),
+        organ: BindGroupLayoutDescriptor::new(
+            "organ_layout",
+            &BindGroupLayoutEntries::sequential(
+                ShaderStages::VERTEX_FRAGMENT,
+                (
+                    uniform_buffer::<OrganUniform>(true),
+                    storage_buffer_read_only_sized(false, None).visibility(ShaderStages::VERTEX),
+                ),
+            ),
+        ),
+    });
+}
+
+/// What an organ layer's pipeline depends on in a view.
+#[derive(PartialEq, Eq, Hash, Clone, Copy, Debug, SpecializerKey)]
+pub struct OrganPipelineKey {
+    /// Format of the view's main texture.
+    pub format: TextureFormat,
+    /// Samples per pixel.
+    pub samples: u32,
+}
+
+/// The pipeline of a layer before specialization: organ vertices, depth test, no blending.
+///
+/// `group_2` and on are the layer's own. The first layer writes depth; layers over it test for equality.
+pub fn organ_pipeline_descriptor(
+    label: &'static str,
+    layouts: &OrganLayouts,
+    own_groups: &[BindGroupLayoutDescriptor],
+    shader: Handle<Shader>,
+    writes_depth: bool,
+) -> RenderPipelineDescriptor {
+    RenderPipelineDescriptor {
+        label: Some(label.into()),
+        layout: [&[layouts.view.clone(), layouts.organ.clone()], own_groups].concat(),
+        vertex: VertexState {
+            shader: shader.clone(),
+            entry_point: Some("vertex".into()),
+            buffers: vec![corner_vertex_layout()],
+            ..default()
+        },
+        // No culling: a mirrored transform turns faces round, and depth decides anyway.
+        primitive: PrimitiveState::default(),
+        depth_stencil: Some(DepthStencilState {
+            format: CORE_3D_DEPTH_FORMAT,
+            depth_write_enabled: Some(writes_depth),
+            // Bevy's depth is reversed: nearer is greater.
+            depth_compare: Some(CompareFunction::GreaterEqual),
+            stencil: default(),
+            bias: default(),
+        }),
+        fragment: Some(FragmentState { shader, entry_point: Some("fragment".into()), ..default() }),
+        ..default()
+    }
+}
+
+/// The path of a layer's shader, for [`AssetServer::load`].
+pub(crate) fn layer_shader(assets: &AssetServer, path: &str) -> Handle<Shader> {
+    assets.load(shader_path(path))
+}
+
+struct OrganBuffer {
+    primaries: RawBufferVec<PrimaryVertex>,
+    revision: (AssetId<OrganModel>, u64),
+}
+
+/// Buffers of every organ, kept between frames.
+#[derive(Resource)]
+pub(super) struct OrganBuffers {
+    primaries: BTreeMap<MainEntity, OrganBuffer>,
+    uniforms: DynamicUniformBuffer<OrganUniform>,
+    offsets: BTreeMap<MainEntity, u32>,
+}
+
+impl Default for OrganBuffers {
+    fn default() -> Self {
+        let mut uniforms = DynamicUniformBuffer::default();
+        uniforms.set_label(Some("organ_uniforms"));
+        Self { primaries: BTreeMap::new(), uniforms, offsets: BTreeMap::new() }
+    }
+}
+
+impl OrganBuffers {
+    pub fn revision(&self, entity: MainEntity) -> Option<(AssetId<OrganModel>, u64)> {
+        self.primaries.get(&entity).map(|buffer| buffer.revision)
+    }
+}
+
+pub(super) fn write_buffers(
+    mut buffers: ResMut<OrganBuffers>,
+    mut extracted: ResMut<ExtractedOrgans>,
+    scene: Option<Res<SceneLights>>,
+    uploaded: Option<ResMut<UploadedBytes>>,
+    device: Res<RenderDevice>,
+    queue: Res<RenderQueue>,
+) {
+    let buffers = &mut *buffers;
+    let mut bytes = 0;
+    let is_here = |entity: &MainEntity| extracted.organs.binary_search_by_key(entity, |organ| organ.entity).is_ok();
+    buffers.primaries.retain(|entity, _| is_here(entity));
+    buffers.offsets.clear();
+    buffers.uniforms.clear();
+    for organ in &mut extracted.organs {
+        if let Some(moved) = organ.moved.take() {
+            let buffer = buffers.primaries.entry(organ.entity).or_insert_with(|| {
+                let mut primaries = RawBufferVec::new(BufferUsages::STORAGE);
+                primaries.set_label(Some("organ_primaries"));
+                OrganBuffer { primaries, revision: organ.revision }
+            });
+            buffer.revision = organ.revision;
+            *buffer.primaries.values_mut() = moved;
+            buffer.primaries.write_buffer(&device, &queue);
+            bytes += size_of_val(buffer.primaries.values().as_slice()) as u64;
+        }
+        let lights = scene
+            .as_ref()
+            .map(|scene| strongest_lights(scene, organ.centre_world_m, &organ.layers))
+            .unwrap_or_default();
+        let offset = buffers.uniforms.push(&OrganUniform {
+            world_from_organ: organ.world_from_organ,
+            world_from_organ_normal: organ.world_from_organ.inverse().transpose(),
+            lights,
+        });
+        buffers.offsets.insert(organ.entity, offset);
+    }
+    buffers.uniforms.write_buffer(&device, &queue);
+    bytes += OrganUniform::min_size().get() * extracted.organs.len() as u64;
+    if let Some(mut uploaded) = uploaded {
+        uploaded.0 += bytes;
+    }
+}
+
+/// Bind groups of this frame.
+#[derive(Resource, Default)]
+pub struct OrganBindGroups {
+    /// Group 0; takes the view's offset.
+    pub view: Option<BindGroup>,
+    organs: BTreeMap<MainEntity, (BindGroup, u32)>,
+}
+
+impl OrganBindGroups {
+    /// Group 1 of an organ with its dynamic offset.
+    pub fn organ(&self, entity: MainEntity) -> Option<(&BindGroup, u32)> {
+        self.organs.get(&entity).map(|(group, offset)| (group, *offset))
+    }
+}
+
+pub(super) fn prepare_bind_groups(
+    mut groups: ResMut<OrganBindGroups>,
+    buffers: Res<OrganBuffers>,
+    layouts: Res<OrganLayouts>,
+    views: Res<ViewUniforms>,
+    cache: Res<PipelineCache>,
+    device: Res<RenderDevice>,
+) {
+    groups.view = views.uniforms.binding().map(|binding| {
+        let layout = cache.get_bind_group_layout(&layouts.view);
+        device.create_bind_group("organ_view", &layout, &BindGroupEntries::single(binding))
+    });
+    groups.organs.clear();
+    let Some(uniform) = buffers.uniforms.binding() else { return };
+    let layout = cache.get_bind_group_layout(&layouts.organ);
+    for (&entity, buffer) in &buffers.primaries {
+        let (Some(primaries), Some(&offset)) = (buffer.primaries.buffer(), buffers.offsets.get(&entity)) else {
+            continue;
+        };
+        let entries = BindGroupEntries::sequential((uniform.clone(), primaries.as_entire_binding()));
+        groups.organs.insert(entity, (device.create_bind_group("organ", &layout, &entries), offset));
+    }
+}

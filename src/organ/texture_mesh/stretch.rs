@@ -1,0 +1,67 @@
+//! How much a flat triangle is stretched against its place in the tile: an energy to go down.
+//!
+//! The shape part is `(s1/s2 + s2/s1) / 2` of the singular values (Hormann and Greiner 2000, "MIPS"); the area part is
+//! `s1 s2 + 1 / (s1 s2)`. Both grow without bound towards a flip.
+
+use glam::{DMat2, DVec2, DVec3};
+
+/// Area weight for shape alone.
+pub(super) const MIPS_ONLY: f64 = 0.0;
+/// Triangles with a smaller area, in squares of a texture edge, do not count: rounding decides their shape.
+const SMALLEST_AREA: f64 = 1e-9;
+
+/// A flat triangle of the surface as the relaxation needs it: lengths in texture edges.
+pub(super) struct Element {
+    area: f64,
+    /// Gradients of the three corners' hat functions in the plane of the face.
+    gradients: [DVec2; 3],
+}
+
+impl Element {
+    pub fn new([a, b, c]: [DVec3; 3]) -> Option<Self> {
+        let x = (b - a).normalize_or_zero();
+        let normal = (b - a).cross(c - a);
+        let y = normal.cross(x).normalize_or_zero();
+        let flat = [DVec2::ZERO, DVec2::new((b - a).dot(x), 0.0), DVec2::new((c - a).dot(x), (c - a).dot(y))];
+        let twice_area = flat[1].perp_dot(flat[2]);
+        (twice_area > SMALLEST_AREA).then(|| Self {
+            area: 0.5 * twice_area,
+            gradients: std::array::from_fn(|k| (flat[(k + 2) % 3] - flat[(k + 1) % 3]).perp() / twice_area),
+        })
+    }
+
+    /// Columns: how the place in the tile changes along the face's two axes.
+    pub fn jacobian(&self, places: [DVec2; 3]) -> DMat2 {
+        let [p, q, r] = places;
+        let [g, h, i] = self.gradients;
+        DMat2::from_cols(p * g.x + q * h.x + r * i.x, p * g.y + q * h.y + r * i.y)
+    }
+
+    pub fn energy(&self, places: [DVec2; 3], area_weight: f64) -> f64 {
+        let jacobian = self.jacobian(places);
+        let determinant = jacobian.determinant();
+        if determinant <= 0.0 {
+            return f64::INFINITY;
+        }
+        let square = jacobian.x_axis.length_squared() + jacobian.y_axis.length_squared();
+        self.area * (0.5 * square / determinant + area_weight * (determinant + 1.0 / determinant))
+    }
+
+    /// Gradient of the energy in the place of corner `k`, and a scale for the step.
+    pub fn slope(&self, places: [DVec2; 3], k: usize, area_weight: f64) -> (DVec2, f64) {
+        let jacobian = self.jacobian(places);
+        let determinant = jacobian.determinant();
+        let square = jacobian.x_axis.length_squared() + jacobian.y_axis.length_squared();
+        let g = self.gradients[k];
+        let of_square = 2.0 * (jacobian * g);
+        let of_determinant = DVec2::new(
+            g.x * jacobian.y_axis.y - g.y * jacobian.x_axis.y,
+            g.y * jacobian.x_axis.x - g.x * jacobian.y_axis.x,
+        );
+        let slope = (of_square * determinant - square * of_determinant) * (0.5 / (determinant * determinant))
+            + of_determinant * (area_weight * (1.0 - 1.0 / (determinant * determinant)));
+        let stiffness = g.length_squared() / determinant;
+        (slope * self.area, stiffness * self.area)
+    }
+}
+

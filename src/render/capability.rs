@@ -1,0 +1,34 @@
+//! Is there anything to draw with?
+
+use wgpu::{Backends, DeviceType, Instance, InstanceDescriptor};
+
+/// A graphics adapter that the machine offers.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct GraphicsAdapter {
+    /// The driver's name for it.
+    pub name: String,
+    /// Vulkan, Metal, Dx12 or Gl.
+    pub backend: String,
+    /// Whether it is a processor that pretends to be a graphics card (llvmpipe, SwiftShader, WARP).
+    pub is_software: bool,
+}
+
+/// The adapters that Bevy could draw with, best first. Empty where there is none: starting a render app there would
+/// panic inside Bevy, so ask first and say so.
+pub fn graphics_adapters() -> Vec<GraphicsAdapter> {
+    let instance = Instance::new(InstanceDescriptor {
+        backends: Backends::from_env().unwrap_or(Backends::PRIMARY),
+        ..InstanceDescriptor::new_without_display_handle()
+    });
+    let mut adapters: Vec<_> = bevy::tasks::block_on(instance.enumerate_adapters(Backends::PRIMARY))
+        .iter()
+        .map(wgpu::Adapter::get_info)
+        .map(|info| GraphicsAdapter {
+            name: info.name,
+            backend: info.backend.to_string(),
+            is_software: info.device_type == DeviceType::Cpu,
+        })
+        .collect();
+    adapters.sort_by_key(|adapter| adapter.is_software);
+    adapters
+}

@@ -1,0 +1,33 @@
+//! What every pass shares: the embedded shaders, the order of the passes, the light list, the capability check.
+
+mod capability;
+mod lights;
+mod passes;
+mod shaders;
+mod uploads;
+
+pub use capability::{GraphicsAdapter, graphics_adapters};
+pub(crate) use lights::ExtractSceneLights;
+pub use lights::{LightUniform, MAX_SCENE_LIGHTS, MAX_SCOPE_LIGHTS, OrganLights, SceneLight, SceneLights, strongest_lights};
+pub use passes::OrganPasses;
+pub use shaders::{EmbeddedShader, SHADERS, shader_path};
+pub use uploads::UploadedBytes;
+
+use bevy::prelude::*;
+
+/// Embeds the shaders, orders the passes of a camera and collects the scene's lights.
+///
+/// Every drawing plugin of this crate needs it. Without a render world (a CPU-only app) it does nothing.
+pub struct SurgeryRenderPlugin;
+
+impl Plugin for SurgeryRenderPlugin {
+    fn build(&self, app: &mut App) {
+        if app.get_sub_app(bevy::render::RenderApp).is_none() {
+            return;
+        }
+        shaders::embed(app);
+        passes::order(app);
+        lights::build(app);
+        uploads::build(app);
+    }
+}

@@ -1,0 +1,100 @@
+//! Skins of organs: only parameters.
+
+use super::tiles::TileOptions;
+use super::{Skin, TileSource};
+use bevy::prelude::*;
+use std::str::FromStr;
+
+/// Organs with a ready skin.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Reflect)]
+#[reflect(Default, Clone)]
+pub enum OrganPreset {
+    /// Red-brown, fine lobules.
+    #[default]
+    Liver,
+    /// Grey-green, fine net of vessels.
+    Gallbladder,
+    /// Dark purple, faintly granular.
+    Spleen,
+    /// Smooth red-brown.
+    Kidney,
+    /// Pink, soft, glossy: stomach and bowel from inside.
+    Mucosa,
+}
+
+impl OrganPreset {
+    /// All presets.
+    pub const ALL: [Self; 5] = [Self::Liver, Self::Gallbladder, Self::Spleen, Self::Kidney, Self::Mucosa];
+
+    /// Lower-case name, as [`FromStr`] takes it.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Liver => "liver",
+            Self::Gallbladder => "gallbladder",
+            Self::Spleen => "spleen",
+            Self::Kidney => "kidney",
+            Self::Mucosa => "mucosa",
+        }
+    }
+
+    /// Its skin.
+    pub fn skin(self) -> Skin {
+        match self {
+            Self::Liver => Skin::liver(),
+            Self::Gallbladder => Skin::gallbladder(),
+            Self::Spleen => Skin::spleen(),
+            Self::Kidney => Skin::kidney(),
+            Self::Mucosa => Skin::mucosa(),
+        }
+    }
+}
+
+impl FromStr for OrganPreset {
+    type Err = String;
+
+    fn from_str(name: &str) -> Result<Self, String> {
+        let found = Self::ALL.into_iter().find(|preset| preset.name() == name);
+        found.ok_or_else(|| format!("{name} is no organ preset; there are {}", Self::ALL.map(Self::name).join(", ")))
+    }
+}
+
+impl Skin {
+    fn with_tiles(tiles: TileOptions) -> Self {
+        Self {
+            tiles: TileSource::Generated(tiles),
+            tint: Color::WHITE,
+            mottle: 0.22,
+            mottle_size_m: 0.035,
+            scatter: 0.18,
+            sheen: 1.0,
+            sheen_roughness: 0.42,
+            seed: 1,
+        }
+    }
+
+    /// A liver's capsule.
+    pub fn liver() -> Self {
+        Self::with_tiles(TileOptions::liver())
+    }
+
+    /// A gallbladder.
+    pub fn gallbladder() -> Self {
+        Self { mottle: 0.3, mottle_size_m: 0.02, scatter: 0.25, ..Self::with_tiles(TileOptions::gallbladder()) }
+    }
+
+    /// A spleen.
+    pub fn spleen() -> Self {
+        Self { mottle: 0.25, ..Self::with_tiles(TileOptions::spleen()) }
+    }
+
+    /// A kidney.
+    pub fn kidney() -> Self {
+        Self { mottle: 0.15, sheen_roughness: 0.36, ..Self::with_tiles(TileOptions::kidney()) }
+    }
+
+    /// The mucous lining of stomach or bowel.
+    pub fn mucosa() -> Self {
+        let tiles = TileOptions::mucosa();
+        Self { mottle: 0.18, scatter: 0.35, sheen: 1.4, sheen_roughness: 0.3, ..Self::with_tiles(tiles) }
+    }
+}

@@ -1,0 +1,177 @@
+//! The part of the harness that draws.
+
+use super::TestApp;
+use crate::SurgeryPlugins;
+use crate::organ::{Organ, OrganModel, OrganShape};
+use crate::skin::SkinTileLibrary;
+use bevy::app::PluginGroupBuilder;
+use bevy::camera::RenderTarget;
+use bevy::core_pipeline::tonemapping::Tonemapping;
+use bevy::prelude::*;
+use bevy::render::error_handler::{RenderErrorHandler, RenderErrorPolicy};
+use bevy::render::render_resource::{
+    CachedPipelineState, PipelineCache, PipelineDescriptor, PollType, TextureFormat, TextureUsages,
+};
+use bevy::render::renderer::RenderDevice;
+use bevy::render::view::screenshot::{Screenshot, ScreenshotCaptured};
+use bevy::render::{RenderApp, RenderPlugin};
+use bevy::window::ExitCondition;
+use image::RgbaImage;
+use std::sync::{Arc, Mutex};
+
+/// The picture that a [`TestApp`] draws into.
+#[derive(Clone, Debug)]
+pub struct GpuTarget {
+    /// The image; spawn cameras with `RenderTarget::Image(target.image.clone().into())`.
+    pub image: Handle<Image>,
+    /// Width and height in pixels.
+    pub size_px: UVec2,
+}
+
+/// Bevy's plugins for drawing without a window: what `DefaultPlugins` has, less the window, the log and the second
+/// render thread (so that the render world can be looked into).
+pub fn headless_render_plugins() -> PluginGroupBuilder {
+    PluginGroupBuilder::start::<HeadlessRenderPlugins>()
+        .add(bevy::app::TaskPoolPlugin::default())
+        .add(bevy::diagnostic::FrameCountPlugin)
+        .add(bevy::time::TimePlugin)
+        .add(bevy::transform::TransformPlugin)
+        .add(bevy::diagnostic::DiagnosticsPlugin)
+        .add(bevy::input::InputPlugin)
+        .add(WindowPlugin { primary_window: None, exit_condition: ExitCondition::DontExit, ..default() })
+        .add(super::assets())
+        // Pipelines are compiled where they are asked for, so that no frame is drawn without them.
+        .add(RenderPlugin { synchronous_pipeline_compilation: true, ..default() })
+        .add(ImagePlugin::default())
+        .add(bevy::mesh::MeshPlugin)
+        .add(bevy::camera::CameraPlugin)
+        .add(bevy::light::LightPlugin)
+        .add(bevy::core_pipeline::CorePipelinePlugin)
+}
+
+/// Names the group that [`headless_render_plugins`] builds.
+struct HeadlessRenderPlugins;
+
+impl bevy::app::PluginGroup for HeadlessRenderPlugins {
+    fn build(self) -> PluginGroupBuilder {
+        headless_render_plugins()
+    }
+}
+
+impl TestApp {
+    /// Draws into an image of this size, without a window.
+    ///
+    /// # Panics
+    /// Where the machine has no graphics adapter, hardware or software.
+    pub fn gpu(width_px: u32, height_px: u32) -> Self {
+        Self::gpu_with(width_px, height_px, |_| {})
+    }
+
+    /// Like [`TestApp::gpu`] with more plugins, added before [`SurgeryPlugins`]: Bevy's `PbrPlugin`, your game's own.
+    pub fn gpu_with(width_px: u32, height_px: u32, add_plugins: impl FnOnce(&mut App)) -> Self {
+        assert!(
+            !crate::render::graphics_adapters().is_empty(),
+            "no Vulkan, Metal or DirectX adapter: install a driver (Debian: mesa-vulkan-drivers draws in software)"
+        );
+        let mut app = App::new();
+        app.add_plugins(headless_render_plugins());
+        add_plugins(&mut app);
+        app.add_plugins(SurgeryPlugins);
+        app.insert_resource(RenderErrorHandler(|error, _, _| -> RenderErrorPolicy {
+            panic!("render error {:?}: {}", error.ty, error.description)
+        }));
+        let mut image = Image::new_target_texture(width_px, height_px, TextureFormat::Rgba8UnormSrgb, None);
+        image.texture_descriptor.usage |= TextureUsages::COPY_SRC;
+        let image = app.world_mut().resource_mut::<Assets<Image>>().add(image);
+        let mut test = Self::around(app);
+        test.target = Some(GpuTarget { image, size_px: UVec2::new(width_px, height_px) });
+        test
+    }
+
+    /// The picture that this app draws into.
+    ///
+    /// # Panics
+    /// In an app made by [`TestApp::cpu`].
+    pub fn target(&self) -> GpuTarget {
+        self.target.clone().expect("an app made by TestApp::cpu draws nothing")
+    }
+
+    /// A plain camera that draws into [`TestApp::target`]: no tonemapping, so that colours are what shaders wrote.
+    pub fn camera(&self, transform: Transform) -> impl Bundle {
+        let target = RenderTarget::Image(self.target().image.into());
+        (Camera3d::default(), target, Tonemapping::None, Msaa::Off, transform)
+    }
+
+    /// Updates without stepping until every organ, skin and pipeline is there.
+    ///
+    /// # Panics
+    /// When a pipeline fails, an organ's file cannot be used, or it takes longer than a minute.
+    pub fn warm_up(&mut self) {
+        let mut quiet = 0;
+        self.idle_until("organs, skins and pipelines", |app| {
+            // Assets reach the render world an update later, and pipelines are asked for an update after that.
+            quiet = if is_busy(app) { 0 } else { quiet + 1 };
+            quiet > 3
+        });
+    }
+
+    /// The picture as it is now; warms up first, and no time passes.
+    pub fn capture(&mut self) -> RgbaImage {
+        self.warm_up();
+        let target = self.target();
+        let taken: Arc<Mutex<Option<Vec<u8>>>> = default();
+        let slot = taken.clone();
+        self.world_mut().spawn(Screenshot::image(target.image)).observe(move |shot: On<ScreenshotCaptured>| {
+            *slot.lock().expect("only this closure locks it") = shot.image.data.clone();
+        });
+        let mut pixels = None;
+        self.idle_until("a screenshot", |_| {
+            pixels = taken.lock().expect("only the observer locks it").take();
+            pixels.is_some()
+        });
+        RgbaImage::from_raw(target.size_px.x, target.size_px.y, pixels.unwrap_or_default())
+            .expect("the screenshot has the target's size")
+    }
+}
+
+fn is_busy(app: &mut App) -> bool {
+    if app.world().get_resource::<SkinTileLibrary>().is_some_and(SkinTileLibrary::is_busy) {
+        return true;
+    }
+    let mut unshaped = app.world_mut().query_filtered::<&Organ, Without<OrganShape>>();
+    let waiting: Vec<Handle<OrganModel>> = unshaped.iter(app.world()).map(|organ| organ.0.clone()).collect();
+    let assets = app.world().resource::<AssetServer>();
+    for model in &waiting {
+        if let bevy::asset::LoadState::Failed(error) = assets.load_state(model) {
+            panic!("an organ could not be loaded: {error}");
+        }
+    }
+    !waiting.is_empty() || pipelines(app).any(|(_, state)| !matches!(state, CachedPipelineState::Ok(_)))
+}
+
+fn pipelines(app: &App) -> impl Iterator<Item = (String, &CachedPipelineState)> {
+    let cache = app.get_sub_app(RenderApp).and_then(|render| render.world().get_resource::<PipelineCache>());
+    cache.into_iter().flat_map(PipelineCache::pipelines).map(|pipeline| {
+        let label = match &pipeline.descriptor {
+            PipelineDescriptor::RenderPipelineDescriptor(descriptor) => descriptor.label.as_ref(),
+            PipelineDescriptor::ComputePipelineDescriptor(descriptor) => descriptor.label.as_ref(),
+        };
+        (label.map_or_else(|| "unnamed".into(), ToString::to_string), &pipeline.state)
+    })
+}
+
+/// Waits for the GPU, and turns what Bevy only logs into a panic.
+pub(super) fn check(app: &mut App) {
+    app.world().resource::<RenderDevice>().poll(PollType::wait_indefinitely()).expect("the device answers");
+    for (label, state) in pipelines(app) {
+        if let CachedPipelineState::Err(error) = state {
+            // A shader that is not there yet is no error; one that does not compile is.
+            let is_waiting = matches!(
+                error,
+                bevy::shader::ShaderCacheError::ShaderNotLoaded(_)
+                    | bevy::shader::ShaderCacheError::ShaderImportNotYetAvailable
+            );
+            assert!(is_waiting, "pipeline {label} failed: {error}");
+        }
+    }
+}

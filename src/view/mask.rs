@@ -1,0 +1,179 @@
+//! The round picture of an endoscope: everything outside the circle is dark.
+
+use crate::render::shader_path;
+use bevy::core_pipeline::{
+    schedule::{Core3d, Core3dSystems},
+    tonemapping::tonemapping,
+};
+use bevy::prelude::*;
+use bevy::render::extract_component::{
+    ComponentUniforms, DynamicUniformIndex, ExtractComponent, ExtractComponentPlugin, UniformComponentPlugin,
+};
+use bevy::render::render_resource::{binding_types::uniform_buffer, *};
+use bevy::render::renderer::{RenderContext, ViewQuery};
+use bevy::render::view::{ExtractedView, ViewTarget};
+use bevy::render::{Render, RenderApp, RenderStartup, RenderSystems, camera::ExtractedCamera};
+
+/// Corners of the circle; each is a quad for the soft edge and one for the dark outside.
+const SEGMENTS: u32 = 96;
+
+/// Draws a dark frame with a round hole over a camera's finished picture.
+///
+/// Only the pixels outside the circle are touched, so it costs little where the circle fills the frame.
+#[derive(Component, Clone, Debug, PartialEq, Reflect)]
+#[reflect(Component, Default, Clone)]
+pub struct ScopeMask {
+    /// Radius of the picture as a share of half the frame's height: 1 touches the upper and lower border.
+    pub radius: f32,
+    /// Width of the soft edge, in the same measure.
+    pub softness: f32,
+    /// Colour outside the circle.
+    pub colour: Color,
+}
+
+impl Default for ScopeMask {
+    fn default() -> Self {
+        Self { radius: 0.98, softness: 0.02, colour: Color::BLACK }
+    }
+}
+
+/// [`ScopeMask`] as the shader reads it.
+#[derive(Component, Clone, Copy, Debug, Default, PartialEq, ShaderType)]
+pub struct ScopeMaskUniform {
+    /// Linear colour outside the circle.
+    pub colour: Vec4,
+    /// Radius and outer end of the soft edge in shares of half the height.
+    pub radii: Vec2,
+    /// Width over height of the frame.
+    pub aspect: f32,
+}
+
+impl bevy::render::sync_component::SyncComponent for ScopeMask {
+    type Target = (ScopeMaskUniform, MaskPipelineId);
+}
+
+impl ExtractComponent for ScopeMask {
+    type QueryData = (&'static ScopeMask, &'static Camera);
+    type QueryFilter = ();
+    type Out = ScopeMaskUniform;
+
+    fn extract_component((mask, camera): (&ScopeMask, &Camera)) -> Option<ScopeMaskUniform> {
+        let size = camera.logical_viewport_size()?;
+        Some(ScopeMaskUniform {
+            colour: mask.colour.to_linear().to_vec4(),
+            radii: Vec2::new(mask.radius, mask.radius + mask.softness.max(0.0)),
+            aspect: size.x / size.y,
+        })
+    }
+}
+
+#[doc(hidden)]
+#[derive(Component)]
+pub struct MaskPipelineId(CachedRenderPipelineId);
+
+#[derive(Resource)]
+struct MaskPipeline {
+    layout: BindGroupLayoutDescriptor,
+    variants: Variants<RenderPipeline, MaskSpecializer>,
+}
+
+struct MaskSpecializer;
+
+#[derive(PartialEq, Eq, Hash, Clone, Copy, SpecializerKey)]
+struct MaskKey {
+    format: TextureFormat,
+}
+
+impl Specializer<RenderPipeline> for MaskSpecializer {
+    type Key = MaskKey;
+
+    fn specialize(
+        &self,
+        key: MaskKey,
+        descriptor: &mut RenderPipelineDescriptor,
+    ) -> Result<Canonical<MaskKey>, BevyError> {
+        descriptor.fragment_mut()?.set_target(
+            0,
+            ColorTargetState {
+                format: key.format,
+                blend: Some(BlendState::ALPHA_BLENDING),
+                write_mask: ColorWrites::ALL,
+            },
+        );
+        Ok(key)
+    }
+}
+
+pub(super) fn build(app: &mut App) {
+    app.add_plugins((
+        ExtractComponentPlugin::<ScopeMask>::default(),
+        UniformComponentPlugin::<ScopeMaskUniform>::default(),
+    ));
+    let Some(render_app) = app.get_sub_app_mut(RenderApp) else { return };
+    render_app
+        .add_systems(RenderStartup, init_pipeline)
+        .add_systems(Render, prepare_pipelines.in_set(RenderSystems::Prepare))
+        // After tonemapping, so that dark stays dark and bloom does not bleed in; before Bevy's UI, which follows
+        // the set.
+        .add_systems(Core3d, draw_mask.after(tonemapping).in_set(Core3dSystems::PostProcess));
+}
+
+fn init_pipeline(mut commands: Commands, assets: Res<AssetServer>) {
+    let layout = BindGroupLayoutDescriptor::new(
+        "scope_mask_layout",
+        &BindGroupLayoutEntries::single(ShaderStages::VERTEX_FRAGMENT, uniform_buffer::<ScopeMaskUniform>(true)),
+    );
+    let shader: Handle<Shader> = assets.load(shader_path("view/mask.wgsl"));
+    let descriptor = RenderPipelineDescriptor {
+        label: Some("scope_mask_pipeline".into()),
+        layout: vec![layout.clone()],
+        vertex: VertexState { shader: shader.clone(), entry_point: Some("vertex".into()), ..default() },
+        primitive: PrimitiveState { topology: PrimitiveTopology::TriangleStrip, ..default() },
+        fragment: Some(FragmentState { shader, entry_point: Some("fragment".into()), ..default() }),
+        ..default()
+    };
+    commands.insert_resource(MaskPipeline { layout, variants: Variants::new(MaskSpecializer, descriptor) });
+}
+
+fn prepare_pipelines(
+    mut commands: Commands,
+    cache: Res<PipelineCache>,
+    mut pipeline: ResMut<MaskPipeline>,
+    views: Query<(Entity, &ExtractedView), With<ScopeMaskUniform>>,
+) -> Result {
+    for (entity, view) in &views {
+        let id = pipeline.variants.specialize(&cache, MaskKey { format: view.target_format })?;
+        commands.entity(entity).insert(MaskPipelineId(id));
+    }
+    Ok(())
+}
+
+fn draw_mask(
+    view: ViewQuery<(&ExtractedCamera, &ViewTarget, &DynamicUniformIndex<ScopeMaskUniform>, &MaskPipelineId)>,
+    pipeline: Res<MaskPipeline>,
+    cache: Res<PipelineCache>,
+    masks: Res<ComponentUniforms<ScopeMaskUniform>>,
+    mut ctx: RenderContext,
+) {
+    let (camera, target, mask, id) = view.into_inner();
+    let (Some(render_pipeline), Some(binding)) = (cache.get_render_pipeline(id.0), masks.uniforms().binding()) else {
+        return;
+    };
+    let layout = cache.get_bind_group_layout(&pipeline.layout);
+    let bind_group = ctx.render_device().create_bind_group("scope_mask", &layout, &BindGroupEntries::single(binding));
+    let mut pass = ctx.begin_tracked_render_pass(RenderPassDescriptor {
+        label: Some("scope_mask"),
+        color_attachments: &[Some(target.get_unsampled_color_attachment())],
+        depth_stencil_attachment: None,
+        timestamp_writes: None,
+        occlusion_query_set: None,
+        multiview_mask: None,
+    });
+    if let Some(viewport) = &camera.viewport {
+        pass.set_camera_viewport(viewport);
+    }
+    pass.set_render_pipeline(render_pipeline);
+    pass.set_bind_group(0, &bind_group, &[mask.index()]);
+    // Two rings of quads in one strip: edge, then outside, joined by repeated vertices.
+    pass.draw(0..2 * (SEGMENTS + 1), 0..2);
+}

@@ -1,0 +1,13 @@
+//! All integration tests in one binary: linking Bevy is the slow part.
+
+mod harness;
+mod organ_asset;
+mod organ_chart;
+mod organ_load;
+mod organ_texture_mesh;
+mod schedule;
+mod shaders;
+mod skin_pass;
+mod skin_tiles;
+mod support;
+mod view;
