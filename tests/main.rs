@@ -2,9 +2,10 @@
 
 mod harness;
 mod organ_asset;
+mod organ_atlas;
 mod organ_chart;
 mod organ_load;
-mod organ_texture_mesh;
+//mod organ_texture_mesh;
 mod schedule;
 mod shaders;
 mod skin_pass;

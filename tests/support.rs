@@ -45,7 +45,7 @@ pub fn sphere_mesh(radius_m: f32, levels: u32) -> SurfaceMesh {
             for c in b + 1..12 {
                 let [p, q, r] = [a, b, c].map(|i| positions[i as usize]);
                 let normal = (q - p).cross(r - p);
-                if normal.length() > 0.1 && positions.iter().all(|x| normal.dot(*x - p) * normal.dot(p) <= 1e-5) {
+                if normal.dot(p).abs() > 0.1 && positions.iter().all(|x| normal.dot(*x - p) * normal.dot(p) <= 1e-5) {
                     triangles.push(if normal.dot(p) > 0.0 { [a, b, c] } else { [a, c, b] });
                 }
             }

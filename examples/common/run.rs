@@ -27,7 +27,11 @@ pub struct Stage {
 }
 
 /// Parses the arguments and runs an example: `add` adds its systems, `count` fills the report's counters.
-pub fn main_with(name: &str, add: impl FnOnce(&mut App), count: impl FnOnce(&mut World) -> Map<String, Value>) -> ExitCode {
+pub fn main_with(
+    name: &str,
+    add: impl FnOnce(&mut App),
+    count: impl FnOnce(&mut World) -> Map<String, Value>,
+) -> ExitCode {
     let args = Args::parse();
     let ran = if args.backend == Backend::Cpu {
         run_models(&args, name, add, count)

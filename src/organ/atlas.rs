@@ -210,6 +210,9 @@ impl Atlas {
     }
 
     /// Surface round a place, for vertices where they are now: positions in metres and unit normals, one per vertex.
+    ///
+    /// # Panics
+    /// For a face that the chart does not have, or fewer positions or normals than it has vertices.
     pub fn frame(&self, point: SurfacePoint, positions_m: &[Vec3], normals: &[Vec3]) -> SurfaceFrame {
         let chart = self.chart();
         let triangle = chart.triangles[point.face as usize];
@@ -235,8 +238,7 @@ impl Atlas {
         let mut ddirection = directions * gradients * (1.0 / scale);
         if self.is_spherical() {
             let along = |column: DVec3| column - direction * direction.dot(column);
-            ddirection =
-                DMat3::from_cols(along(ddirection.x_axis), along(ddirection.y_axis), along(ddirection.z_axis));
+            ddirection = DMat3::from_cols(along(ddirection.x_axis), along(ddirection.y_axis), along(ddirection.z_axis));
         }
 
         // The other way: the face's plane cuts the ray of a direction where the weights sum to one.
@@ -304,7 +306,7 @@ fn spherical(longitude: (f64, f64), colatitude: (f64, f64)) -> DVec3 {
 /// Change of the three weights (rows) per metre along a flat face; zero for a face of no area.
 fn weight_gradients(corners: [DVec3; 3], doubled_area: DVec3) -> DMat3 {
     let square = doubled_area.length_squared();
-    if !(square > 0.0) {
+    if square.is_nan() || square <= 0.0 {
         return DMat3::ZERO;
     }
     let row = |k: usize| doubled_area.cross(corners[(k + 2) % 3] - corners[(k + 1) % 3]) / square;

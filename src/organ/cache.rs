@@ -1,10 +1,10 @@
 //! Built organs on disk, by content.
 
-use super::build::{OrganOptions, BuiltOrgan};
+use super::build::{BuiltOrgan, OrganOptions};
 use super::mesh::SurfaceMesh;
-use tracing::warn;
 use std::path::{Path, PathBuf};
 use std::time::SystemTime;
+use tracing::warn;
 
 /// Files begin with this; its last byte counts the versions of the format and of the algorithms.
 const MAGIC: &[u8; 8] = b"SurgOrg\x01";

@@ -1,11 +1,14 @@
 //! From a heap of triangles to a surface: weld, drop what has no area, keep one piece, orient, and check.
 
+mod weld;
+
 use crate::organ::error::MeshFault;
 use crate::organ::mesh::SurfaceMesh;
 use bevy::reflect::Reflect;
 use glam::{DVec3, Vec2, Vec3};
 use serde::{Deserialize, Serialize};
-use std::collections::HashMap;
+use std::collections::BTreeSet;
+use weld::{weld_points, weld_seams};
 
 /// More faces than this are refused.
 pub const MAX_FACES: u64 = 5_000_000;
@@ -56,7 +59,7 @@ pub struct RawMesh {
 pub struct CleanReport {
     /// Vertices that were joined with another one.
     pub vertices_welded: u64,
-    /// Vertices that no kept face uses.
+    /// Vertices that no kept face uses. Those of an OBJ file that no face at all uses are not even read.
     pub vertices_unused: u64,
     /// Faces without area that were dropped.
     pub faces_degenerate: u64,
@@ -90,7 +93,8 @@ pub fn clean(raw: RawMesh, weld: Weld, topology: Topology) -> Result<(SurfaceMes
         (Some(uvs), Weld::ByPositionAndUv) => weld_seams(&point_of, uvs),
         _ => point_of.clone(),
     };
-    report.vertices_welded = vertex_of.iter().enumerate().filter(|&(vertex, &kept)| vertex as u32 != kept).count() as u64;
+    report.vertices_welded =
+        vertex_of.iter().enumerate().filter(|&(vertex, &kept)| vertex as u32 != kept).count() as u64;
 
     let look_up = |of: &[u32]| raw.triangles.iter().map(|face| face.map(|v| of[v as usize])).collect();
     let mut faces = Faces { positions: &raw.positions, points: look_up(&point_of), vertices: look_up(&vertex_of) };
@@ -149,61 +153,6 @@ fn check_raw(raw: &RawMesh, weld: Weld) -> Result<f64, MeshFault> {
     let high = used().fold(DVec3::NEG_INFINITY, DVec3::max);
     let diagonal = low.distance(high);
     if diagonal > 0.0 { Ok(diagonal) } else { Err(MeshFault::Flat { extent: Vec3::ZERO }) }
-}
-
-/// For each vertex the first vertex at its place.
-///
-/// A vertex joins the nearest earlier one that stands for itself and is within the tolerance, so chains of close
-/// vertices never collapse over more than it. The maps are only looked up in, never iterated. Vertices that no face
-/// uses stay out of it: the tolerance comes from the others, and they may lie anywhere.
-fn weld_points(positions: &[Vec3], is_used: &[bool], tolerance: f64) -> Vec<u32> {
-    let bits = |position: Vec3| (position + Vec3::ZERO).to_array().map(f32::to_bits);
-    let mut first_at: HashMap<[u32; 3], u32> = HashMap::new();
-    // Cells of twice the tolerance: whatever is in reach lies in the eight cells round the nearest cell corner.
-    let cell_size = 2.0 * tolerance;
-    let mut newest_in_cell: HashMap<[i64; 3], u32> = HashMap::new();
-    let mut older_in_cell = vec![u32::MAX; positions.len()];
-    let mut kept = Vec::with_capacity(positions.len());
-    for (vertex, &position) in positions.iter().enumerate() {
-        let vertex = vertex as u32;
-        if !is_used[vertex as usize] {
-            kept.push(vertex);
-            continue;
-        }
-        if let Some(&same) = first_at.get(&bits(position)) {
-            kept.push(same);
-            continue;
-        }
-        let place = position.as_dvec3() / cell_size;
-        let corner = place.round();
-        let mut nearest = (tolerance, vertex);
-        for cell in 0..8u8 {
-            let offset = DVec3::new(f64::from(cell & 1), f64::from(cell >> 1 & 1), f64::from(cell >> 2));
-            let mut other = newest_in_cell.get(&(corner - offset).as_i64vec3().to_array()).copied().unwrap_or(u32::MAX);
-            while other != u32::MAX {
-                let distance = positions[other as usize].as_dvec3().distance(position.as_dvec3());
-                if distance < nearest.0 || (distance == nearest.0 && other < nearest.1) {
-                    nearest = (distance, other);
-                }
-                other = older_in_cell[other as usize];
-            }
-        }
-        if nearest.1 == vertex {
-            let newest = newest_in_cell.entry(place.floor().as_i64vec3().to_array()).or_insert(u32::MAX);
-            older_in_cell[vertex as usize] = std::mem::replace(newest, vertex);
-        }
-        first_at.insert(bits(position), nearest.1);
-        kept.push(nearest.1);
-    }
-    kept
-}
-
-/// For each vertex the first one at its place with the very same texture coordinates.
-fn weld_seams(point_of: &[u32], uvs: &[Vec2]) -> Vec<u32> {
-    let mut first_at: HashMap<(u32, [u32; 2]), u32> = HashMap::new();
-    let key = |(&point, &uv): (&u32, &Vec2)| (point, (uv + Vec2::ZERO).to_array().map(f32::to_bits));
-    let keys = point_of.iter().zip(uvs).map(key);
-    keys.enumerate().map(|(vertex, key)| *first_at.entry(key).or_insert(vertex as u32)).collect()
 }
 
 /// One side of a face, smaller point first; sorting these brings the sides of an edge together.
@@ -313,7 +262,7 @@ impl Faces<'_> {
             &edges[start..start + length]
         };
         let mut is_touched = vec![false; self.points.len()];
-        let mut added: Vec<[u32; 2]> = Vec::new();
+        let mut added: BTreeSet<[u32; 2]> = BTreeSet::new();
         let mut flips = 0;
         for face in flat {
             let points = self.points[face];
@@ -334,7 +283,7 @@ impl Faces<'_> {
             (self.points[face], self.points[other]) = ([a, d, c], [d, b, c]);
             (self.vertices[face], self.vertices[other]) = ([va, vd, vc], [vd, vb, vc]);
             (is_touched[face], is_touched[other]) = (true, true);
-            added.push(new_edge);
+            added.insert(new_edge);
             flips += 1;
         }
         flips
@@ -449,7 +398,14 @@ impl Faces<'_> {
         let mut fans = UnionFind::new(3 * self.points.len());
         let corner = |face: u32, point: u32| {
             let points = self.points[face as usize];
-            3 * face + if points[0] == point { 0 } else if points[1] == point { 1 } else { 2 }
+            3 * face
+                + if points[0] == point {
+                    0
+                } else if points[1] == point {
+                    1
+                } else {
+                    2
+                }
         };
         for sides in by_edge(&self.edges()) {
             if let [a, b] = sides {

@@ -148,7 +148,9 @@ pub enum MeshFault {
         reason: String,
     },
     /// Texture coordinates are asked for and missing.
-    #[error("{place}: there are no texture coordinates, but the file's own are to be used; unwrap it or weld by position")]
+    #[error(
+        "{place}: there are no texture coordinates, but the file's own are to be used; unwrap it or set `weld: ByPosition`"
+    )]
     NoUvs {
         /// Where they are missing.
         place: String,
@@ -169,8 +171,8 @@ pub enum MeshFault {
     },
     /// The surface has a border.
     #[error(
-        "{border_edges} border edges, the first from {} to {}: the surface must be closed; fill the holes or use it \
-         with its own texture coordinates",
+        "{border_edges} border edges, the first from {} to {}: the surface must be closed; fill the holes or use its \
+         own texture coordinates (`chart: OwnUvs`, `weld: ByPositionAndUv`, `topology: Any`)",
         place(*.from),
         place(*.to)
     )]
@@ -222,8 +224,8 @@ pub enum MeshFault {
     },
     /// Handles (tunnels) in a surface that must be a deformed sphere.
     #[error(
-        "it has {genus} handle(s) or tunnel(s), a chart over the sphere needs none; close them or use it with its own \
-         texture coordinates"
+        "it has {genus} handle(s) or tunnel(s), a chart over the sphere needs none; close them or use its own texture \
+         coordinates (`chart: OwnUvs`, `weld: ByPositionAndUv`, `topology: Any`)"
     )]
     Genus {
         /// Number of handles.

@@ -55,9 +55,7 @@ impl SurfaceMesh {
 
     /// Smallest and largest corner of the axis-aligned box around all vertices, metres.
     pub fn bounds_m(&self) -> (Vec3, Vec3) {
-        self.positions_m
-            .iter()
-            .fold((Vec3::INFINITY, Vec3::NEG_INFINITY), |(low, high), &p| (low.min(p), high.max(p)))
+        self.positions_m.iter().fold((Vec3::INFINITY, Vec3::NEG_INFINITY), |(low, high), &p| (low.min(p), high.max(p)))
     }
 
     /// Area-weighted vertex normals, unit length.

@@ -88,7 +88,10 @@ fn shape_loaded_organs(
     }
 }
 
-fn follow_moved_vertices(models: Res<Assets<OrganModel>>, mut organs: Query<(&Organ, &mut OrganShape), Changed<OrganShape>>) {
+fn follow_moved_vertices(
+    models: Res<Assets<OrganModel>>,
+    mut organs: Query<(&Organ, &mut OrganShape), Changed<OrganShape>>,
+) {
     for (organ, mut shape) in &mut organs {
         let Some(model) = models.get(&organ.0).filter(|_| shape.normals_are_stale) else { continue };
         let shape = &mut *shape;

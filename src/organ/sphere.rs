@@ -91,8 +91,7 @@ impl SphereMesh {
     pub fn is_left_of(&self, a: u32, b: u32, direction: DVec3) -> bool {
         let side = self.side(a, b, direction);
         let (a, b) = (self.directions[a as usize], self.directions[b as usize]);
-        side
-            .then_with(|| minor_sign(a.y, b.z, a.z, b.y))
+        side.then_with(|| minor_sign(a.y, b.z, a.z, b.y))
             .then_with(|| minor_sign(a.z, b.x, a.x, b.z))
             .then_with(|| minor_sign(a.x, b.y, a.y, b.x))
             == Ordering::Greater
@@ -161,6 +160,9 @@ mod exact {
     use glam::DVec3;
     use std::cmp::Ordering;
 
+    /// Terms of a determinant of three vectors: six products of three numbers, four terms each.
+    const MOST_TERMS: usize = 24;
+
     /// Bound on the rounding error of `a . (b x c)` for vectors with components within [-1, 1], with some to spare.
     const TRIPLE_ERROR: f64 = 1e-14;
 
@@ -170,7 +172,7 @@ mod exact {
         if plain.abs() > TRIPLE_ERROR {
             return if plain > 0.0 { Ordering::Greater } else { Ordering::Less };
         }
-        let mut sum = ExactSum::default();
+        let mut sum = ExactSum { terms: [0.0; MOST_TERMS], count: 0 };
         for (x, y, z, sign) in [
             (a.x, b.y, c.z, 1.0),
             (a.y, b.z, c.x, 1.0),
@@ -191,7 +193,7 @@ mod exact {
 
     /// Sign of `a b - c d`.
     pub(super) fn minor_sign(a: f64, b: f64, c: f64, d: f64) -> Ordering {
-        let mut sum = ExactSum::default();
+        let mut sum = ExactSum { terms: [0.0; MOST_TERMS], count: 0 };
         for (x, y) in [(a, b), (-c, d)] {
             let (high, low) = two_product(x, y);
             sum.add(low);
@@ -214,22 +216,23 @@ mod exact {
     }
 
     /// A sum without rounding: terms that do not overlap, in order of growing size.
-    #[derive(Default)]
     struct ExactSum {
-        terms: Vec<f64>,
+        terms: [f64; MOST_TERMS],
+        count: usize,
     }
 
     impl ExactSum {
         fn add(&mut self, value: f64) {
             let mut carry = value;
-            for term in &mut self.terms {
+            for term in &mut self.terms[..self.count] {
                 (carry, *term) = two_sum(carry, *term);
             }
-            self.terms.push(carry);
+            self.terms[self.count] = carry;
+            self.count += 1;
         }
 
         fn sign(&self) -> Ordering {
-            let largest = self.terms.iter().rev().find(|&&term| term != 0.0).copied().unwrap_or(0.0);
+            let largest = self.terms[..self.count].iter().rev().find(|&&term| term != 0.0).copied().unwrap_or(0.0);
             largest.partial_cmp(&0.0).unwrap_or(Ordering::Equal)
         }
     }

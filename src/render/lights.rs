@@ -137,7 +137,11 @@ pub(super) fn build(app: &mut App) {
 type LightQuery<'w, 's, L> = Extract<
     'w,
     's,
-    Query<'static, 'static, (Entity, &'static L, &'static GlobalTransform, &'static InheritedVisibility, Option<&'static RenderLayers>)>,
+    Query<
+        'static,
+        'static,
+        (Entity, &'static L, &'static GlobalTransform, &'static InheritedVisibility, Option<&'static RenderLayers>),
+    >,
 >;
 
 fn extract_scene_lights(
@@ -155,39 +159,51 @@ fn extract_scene_lights(
     };
     for (entity, light, transform, visible, layers) in directional.iter() {
         if visible.get() {
-            add(entity, layers, LightUniform {
-                colour: linear(light.color) * light.illuminance,
-                kind: LightUniform::DIRECTIONAL,
-                direction_world: transform.forward().into(),
-                ..default()
-            });
+            add(
+                entity,
+                layers,
+                LightUniform {
+                    colour: linear(light.color) * light.illuminance,
+                    kind: LightUniform::DIRECTIONAL,
+                    direction_world: transform.forward().into(),
+                    ..default()
+                },
+            );
         }
     }
     for (entity, light, transform, visible, layers) in points.iter() {
         if visible.get() {
-            add(entity, layers, LightUniform {
-                colour: linear(light.color) * light.intensity / (4.0 * PI),
-                kind: LightUniform::POINT,
-                position_world_m: transform.translation(),
-                inverse_range_squared: 1.0 / (light.range * light.range),
-                ..default()
-            });
+            add(
+                entity,
+                layers,
+                LightUniform {
+                    colour: linear(light.color) * light.intensity / (4.0 * PI),
+                    kind: LightUniform::POINT,
+                    position_world_m: transform.translation(),
+                    inverse_range_squared: 1.0 / (light.range * light.range),
+                    ..default()
+                },
+            );
         }
     }
     for (entity, light, transform, visible, layers) in spots.iter() {
         if visible.get() {
             let (cone_scale, cone_offset) = LightUniform::cone(light.inner_angle, light.outer_angle);
-            add(entity, layers, LightUniform {
-                // Bevy divides a spot's lumens by the full sphere too, so that narrowing the cone keeps its brightness.
-                colour: linear(light.color) * light.intensity / (4.0 * PI),
-                kind: LightUniform::SPOT,
-                position_world_m: transform.translation(),
-                inverse_range_squared: 1.0 / (light.range * light.range),
-                direction_world: transform.forward().into(),
-                cone_scale,
-                cone_offset,
-                ..default()
-            });
+            add(
+                entity,
+                layers,
+                LightUniform {
+                    // Bevy divides a spot's lumens by the full sphere too, so that narrowing the cone keeps its brightness.
+                    colour: linear(light.color) * light.intensity / (4.0 * PI),
+                    kind: LightUniform::SPOT,
+                    position_world_m: transform.translation(),
+                    inverse_range_squared: 1.0 / (light.range * light.range),
+                    direction_world: transform.forward().into(),
+                    cone_scale,
+                    cone_offset,
+                    ..default()
+                },
+            );
         }
     }
     scene.lights.sort_by_key(|light| light.entity);

@@ -8,7 +8,9 @@ mod uploads;
 
 pub use capability::{GraphicsAdapter, graphics_adapters};
 pub(crate) use lights::ExtractSceneLights;
-pub use lights::{LightUniform, MAX_SCENE_LIGHTS, MAX_SCOPE_LIGHTS, OrganLights, SceneLight, SceneLights, strongest_lights};
+pub use lights::{
+    LightUniform, MAX_SCENE_LIGHTS, MAX_SCOPE_LIGHTS, OrganLights, SceneLight, SceneLights, strongest_lights,
+};
 pub use passes::OrganPasses;
 pub use shaders::{EmbeddedShader, SHADERS, shader_path};
 pub use uploads::UploadedBytes;

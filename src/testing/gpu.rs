@@ -96,10 +96,11 @@ impl TestApp {
         self.target.clone().expect("an app made by TestApp::cpu draws nothing")
     }
 
-    /// A plain camera that draws into [`TestApp::target`]: no tonemapping, so that colours are what shaders wrote.
-    pub fn camera(&self, transform: Transform) -> impl Bundle {
+    /// Spawns a plain camera that draws into [`TestApp::target`]: no tonemapping, so that colours are what shaders
+    /// wrote, and one sample per pixel.
+    pub fn spawn_camera(&mut self, transform: Transform) -> Entity {
         let target = RenderTarget::Image(self.target().image.into());
-        (Camera3d::default(), target, Tonemapping::None, Msaa::Off, transform)
+        self.world_mut().spawn((Camera3d::default(), target, Tonemapping::None, Msaa::Off, transform)).id()
     }
 
     /// Updates without stepping until every organ, skin and pipeline is there.
@@ -116,7 +117,18 @@ impl TestApp {
     }
 
     /// The picture as it is now; warms up first, and no time passes.
+    ///
+    /// # Panics
+    /// Where every pixel is black: then nothing was drawn, and whatever a test checks next would be worth nothing.
     pub fn capture(&mut self) -> RgbaImage {
+        let picture = self.capture_even_if_black();
+        let is_black = picture.pixels().all(|pixel| pixel.0[..3] == [0, 0, 0]);
+        assert!(!is_black, "the picture is black: is there a camera on the target, a light, something in view?");
+        picture
+    }
+
+    /// Like [`TestApp::capture`] where black is a possible answer.
+    pub fn capture_even_if_black(&mut self) -> RgbaImage {
         self.warm_up();
         let target = self.target();
         let taken: Arc<Mutex<Option<Vec<u8>>>> = default();

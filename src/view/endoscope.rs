@@ -37,7 +37,7 @@ impl Default for Endoscope {
 }
 
 pub(super) fn build(app: &mut App) {
-    app.add_systems(PostUpdate, set_projection.before(bevy::transform::TransformSystems::Propagate));
+    app.add_systems(PostUpdate, set_projection.before(bevy::camera::CameraUpdateSystems));
 }
 
 /// Writes the lens into the camera's projection when it changes.

@@ -74,7 +74,13 @@ mod extraction {
         }
     }
 
-    type Scope = (Entity, &'static ScopeLight, &'static GlobalTransform, &'static InheritedVisibility, Option<&'static RenderLayers>);
+    type Scope = (
+        Entity,
+        &'static ScopeLight,
+        &'static GlobalTransform,
+        &'static InheritedVisibility,
+        Option<&'static RenderLayers>,
+    );
 
     fn extract_scope_lights(scene: Option<ResMut<SceneLights>>, scopes: Extract<Query<Scope>>) {
         // Without `SurgeryRenderPlugin` nothing is lit.

@@ -138,11 +138,8 @@ impl Progressive {
         let mut quadrics = vec![Quadric::ZERO; count];
         for &triangle in &self.triangles {
             let normal = doubled_area(&self.positions, triangle);
-            let plane = Quadric::plane(
-                normal.normalize_or_zero(),
-                self.positions[triangle[0] as usize],
-                normal.length() / 6.0,
-            );
+            let plane =
+                Quadric::plane(normal.normalize_or_zero(), self.positions[triangle[0] as usize], normal.length() / 6.0);
             for vertex in triangle {
                 quadrics[vertex as usize].add(&plane);
             }
@@ -154,18 +151,10 @@ impl Progressive {
         while left > 4 {
             // Filled anew when it ran dry: a collapse that the links forbade may be allowed by now.
             if heap.is_empty() {
-                let before = heap.len();
-                heap.extend((0..count as u32).filter(|&v| alive[v as usize]).filter_map(|vertex| {
-                    self.best_parent(vertex, &quadrics).map(|(cost, parent)| Candidate {
-                        cost,
-                        vertex,
-                        parent,
-                        version: versions[vertex as usize],
-                    })
+                heap.extend((0..count as u32).filter(|&vertex| alive[vertex as usize]).filter_map(|vertex| {
+                    let (cost, parent) = self.best_parent(vertex, &quadrics)?;
+                    Some(Candidate { cost, vertex, parent, version: versions[vertex as usize] })
                 }));
-                if heap.len() == before {
-                    break;
-                }
             }
             let Some(candidate) = heap.pop() else { break };
             let (vertex, parent) = (candidate.vertex, candidate.parent);
@@ -211,10 +200,10 @@ impl Progressive {
         let ring = self.ring(vertex);
         let mut best: Option<(f64, u32)> = None;
         for &parent in &ring {
-            if let Some(cost) = self.cost(vertex, parent, &ring, quadrics) {
-                if best.is_none_or(|(least, least_parent)| (cost, parent) < (least, least_parent)) {
-                    best = Some((cost, parent));
-                }
+            if let Some(cost) = self.cost(vertex, parent, &ring, quadrics)
+                && best.is_none_or(|least| (cost, parent) < least)
+            {
+                best = Some((cost, parent));
             }
         }
         best
@@ -278,10 +267,8 @@ impl Progressive {
             }
         }
         // What lay round the vertex is now covered by the faces that moved.
-        let sizes: Vec<f64> = moved
-            .iter()
-            .map(|&face| doubled_area(&self.positions, self.triangles[face as usize]).length())
-            .collect();
+        let sizes: Vec<f64> =
+            moved.iter().map(|&face| doubled_area(&self.positions, self.triangles[face as usize]).length()).collect();
         let (covered, size): (f64, f64) = (areas.iter().sum(), sizes.iter().sum());
         for (&face, face_size) in moved.iter().zip(&sizes) {
             let share = if size > 0.0 { face_size / size } else { 1.0 / moved.len() as f64 };
@@ -302,8 +289,7 @@ impl Progressive {
                 self.incident[apex as usize].push(face);
             } else {
                 let triangle = self.triangles[face as usize];
-                self.triangles[face as usize] =
-                    triangle.map(|corner| if corner == parent { vertex } else { corner });
+                self.triangles[face as usize] = triangle.map(|corner| if corner == parent { vertex } else { corner });
                 self.incident[parent as usize].retain(|&other| other != face);
             }
         }
@@ -331,4 +317,60 @@ fn quality(positions: &[DVec3], triangle: [u32; 3], doubled_area: f64) -> f64 {
     let [a, b, c] = triangle.map(|vertex| positions[vertex as usize]);
     let edges = a.distance_squared(b) + b.distance_squared(c) + c.distance_squared(a);
     if edges > 0.0 { 2.0 * 3f64.sqrt() * doubled_area / edges } else { 0.0 }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// An octahedron with every face cut into three from a raised middle: 14 vertices.
+    fn spiky_octahedron() -> (Vec<DVec3>, Vec<[u32; 3]>) {
+        let mut positions = vec![DVec3::X, DVec3::Y, DVec3::Z, DVec3::NEG_X, DVec3::NEG_Y, DVec3::NEG_Z];
+        let octahedron = [[0, 1, 2], [1, 3, 2], [3, 4, 2], [4, 0, 2], [1, 0, 5], [3, 1, 5], [4, 3, 5], [0, 4, 5]];
+        let mut triangles = Vec::new();
+        for [a, b, c] in octahedron {
+            let top = positions.len() as u32;
+            positions.push(0.4 * (positions[a as usize] + positions[b as usize] + positions[c as usize]));
+            triangles.extend([[a, b, top], [b, c, top], [c, a, top]]);
+        }
+        (positions, triangles)
+    }
+
+    #[test]
+    fn four_vertices_remain_and_all_comes_back() {
+        let (positions, triangles) = spiky_octahedron();
+        let mut surface = Progressive::new(positions.clone(), triangles.clone());
+        assert_eq!(surface.remaining().len(), 4);
+        let full: f64 = triangles.iter().map(|&t| 0.5 * doubled_area(&positions, t).length()).sum();
+        let mut present = 4;
+        loop {
+            // At every level: a closed surface that stands for the whole area.
+            let faces: Vec<u32> = {
+                let mut faces: Vec<u32> =
+                    surface.remaining().iter().flat_map(|&vertex| surface.incident[vertex as usize].clone()).collect();
+                faces.sort_unstable();
+                faces.dedup();
+                faces
+            };
+            assert_eq!(faces.len(), 2 * present - 4);
+            let area: f64 = faces.iter().map(|&face| surface.areas[face as usize]).sum();
+            assert!((area - full).abs() < 1e-9 * full);
+            for &face in &faces {
+                for vertex in surface.triangles[face as usize] {
+                    assert!(surface.incident[vertex as usize].contains(&face));
+                }
+            }
+            let Some(restored) = surface.restore() else { break };
+            assert!(surface.ring(restored.vertex).contains(&restored.parent));
+            present += 1;
+        }
+        assert_eq!((present, surface.triangles), (positions.len(), triangles));
+    }
+
+    #[test]
+    fn quadric_is_the_squared_distance() {
+        let mut quadric = Quadric::plane(DVec3::Z, DVec3::new(3.0, 1.0, 2.0), 1.5);
+        quadric.add(&Quadric::plane(DVec3::X, DVec3::ZERO, 1.0));
+        assert!((quadric.at(DVec3::new(4.0, 9.0, 5.0)) - (1.5 * 9.0 + 16.0)).abs() < 1e-12);
+    }
 }

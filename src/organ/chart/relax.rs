@@ -153,7 +153,9 @@ impl Layout {
             triangle.contains(&c) && next_corner(triangle, a) == b
         });
         let (third, fourth) = if turns_left { (d, c) } else { (c, d) };
-        for (vertex, corner) in [(a, [1.0, 1.0, 1.0]), (b, [-1.0, 1.0, -1.0]), (third, [1.0, -1.0, -1.0]), (fourth, [-1.0, -1.0, 1.0])] {
+        for (vertex, corner) in
+            [(a, [1.0, 1.0, 1.0]), (b, [-1.0, 1.0, -1.0]), (third, [1.0, -1.0, -1.0]), (fourth, [-1.0, -1.0, 1.0])]
+        {
             self.directions[vertex as usize] = DVec3::from_array(corner).normalize();
         }
         for vertex in [a, b] {
@@ -345,7 +347,48 @@ fn newton_step(gradient: DVec2, xx: f64, xy: f64, yy: f64) -> DVec2 {
     } else {
         DVec2::X
     };
-    let floor = 1e-3 * high.abs().max(low.abs()).max(f64::MIN_POSITIVE);
+    let floor = 1e-3 * high.abs().max(low.abs()).max(1e-9);
     let (along, across) = (axis, axis.perp());
     -(along * (gradient.dot(along) / high.abs().max(floor)) + across * (gradient.dot(across) / low.abs().max(floor)))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn derivatives_of_the_area_term() {
+        for theta in [1.0, 1.5, 4.0] {
+            for d in [0.01, 0.3, 1.0, 7.0] {
+                let step = 1e-5 * d;
+                let [low, here, high] = [d - step, d, d + step].map(|d| area_term(d, theta));
+                let close = |a: f64, b: f64| (a - b).abs() < 1e-6 * (a.abs() + b.abs() + 1.0 / d);
+                assert!(close((high.0 - low.0) / (2.0 * step), here.1), "theta {theta}, d {d}");
+                assert!(close((high.1 - low.1) / (2.0 * step), here.2), "theta {theta}, d {d}");
+            }
+        }
+        assert_eq!(area_term(1.0, 3.0).0, 1.0);
+    }
+
+    #[test]
+    fn cotangents_of_known_triangles() {
+        let right = Shape::new([DVec3::ZERO, DVec3::X, DVec3::Y * 2.0], 1.0).cotangents;
+        for (cotangent, expected) in right.iter().zip([0.0, 0.5, 2.0]) {
+            assert!((cotangent - expected).abs() < 1e-12, "{right:?}");
+        }
+        // Too thin to keep its shape, but still a triangle: the products of its cotangents sum to one.
+        let [a, b, c] = Shape::new([DVec3::ZERO, DVec3::X, DVec3::new(0.3, 1e-9, 0.0)], 1.0).cotangents;
+        assert!((a * b + b * c + c * a - 1.0).abs() < 1e-9 && [a, b, c].iter().all(|x| x.abs() < 21.0));
+    }
+
+    #[test]
+    fn newton_steps_go_downhill() {
+        // A bowl: straight to its bottom. A saddle and a hill: down all the same.
+        assert!((newton_step(DVec2::new(2.0, -6.0), 2.0, 0.0, 3.0) - DVec2::new(-1.0, 2.0)).length() < 1e-12);
+        for (xx, xy, yy) in [(2.0, 1.0, -1.0), (-2.0, 0.5, -1.0), (-1.0, 3.0, 2.0), (0.0, 0.0, 0.0), (0.0, 2.0, 0.0)] {
+            for gradient in [DVec2::X, DVec2::NEG_Y, DVec2::new(0.3, 2.0)] {
+                assert!(newton_step(gradient, xx, xy, yy).dot(gradient) < 0.0, "{xx} {xy} {yy} {gradient}");
+            }
+        }
+    }
 }

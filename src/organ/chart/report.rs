@@ -75,7 +75,8 @@ impl Distortion {
             .clone()
             .map(|face| (chart.solid_angle(face) / (4.0 * PI)) / (mesh.face_area_m2(face) / total_m2))
             .collect();
-        let mut angles: Vec<f64> = faces.map(|face| angle_distortion(mesh.corners(face), chart.corners(face))).collect();
+        let mut angles: Vec<f64> =
+            faces.map(|face| angle_distortion(mesh.corners(face), chart.corners(face))).collect();
         let angle_mean = angles.iter().sum::<f64>() / angles.len() as f64;
         areas.sort_unstable_by(f64::total_cmp);
         angles.sort_unstable_by(f64::total_cmp);

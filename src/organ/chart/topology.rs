@@ -21,8 +21,7 @@ pub(super) fn check_sphere(mesh: &SurfaceMesh) -> Result<(), ChartError> {
             return Err(ChartError::RepeatedCorner { face });
         }
     }
-    let mut edges: Vec<(u32, u32)> =
-        mesh.triangles.iter().flat_map(|&[a, b, c]| [(a, b), (b, c), (c, a)]).collect();
+    let mut edges: Vec<(u32, u32)> = mesh.triangles.iter().flat_map(|&[a, b, c]| [(a, b), (b, c), (c, a)]).collect();
     edges.sort_unstable();
     if let Some(twice) = edges.windows(2).find(|pair| pair[0] == pair[1]) {
         return Err(ChartError::NotManifold { edge: [twice[0].0, twice[0].1] });

@@ -6,15 +6,18 @@
 use super::{check_counts, finite, malformed};
 use crate::organ::clean::{RawMesh, Weld};
 use crate::organ::error::{MeshFault, excerpt};
+use glam::{DMat4, DQuat, DVec3, Vec2, Vec3};
 use gltf::json::accessor::{ComponentType, Type};
 use gltf::json::mesh::{Mode, Primitive, Semantic};
 use gltf::json::validation::Checked;
 use gltf::json::{self, Index, Root};
-use glam::{DMat4, DQuat, DVec3, Vec2, Vec3};
 use std::borrow::Cow;
+use std::collections::BTreeMap;
 
 /// Hands out a sibling file by its relative path.
 type Fetch<'a> = &'a mut dyn FnMut(&str) -> Result<Vec<u8>, String>;
+
+type Bytes<'a> = Cow<'a, [u8]>;
 
 /// Required extensions that do not touch geometry, or that are handled.
 const HARMLESS_EXTENSIONS: [&str; 5] =
@@ -26,16 +29,20 @@ pub(super) fn read(bytes: &[u8], wanted: Option<&str>, weld: Weld, fetch: Fetch)
         return Err(MeshFault::Empty);
     }
     let (json, bin) = split_container(bytes)?;
-    let root: Root = json::deserialize::from_slice(&json).map_err(|error| malformed("JSON", excerpt(&error.to_string())))?;
+    let root: Root =
+        json::deserialize::from_slice(&json).map_err(|error| malformed("JSON", excerpt(&error.to_string())))?;
     let is_harmless = |name: &&String| HARMLESS_EXTENSIONS.iter().any(|prefix| name.starts_with(prefix));
     if let Some(extension) = root.extensions_required.iter().find(|name| !is_harmless(name)) {
         let what = format!("the glTF extension `{}`", excerpt(extension));
         return Err(MeshFault::Unsupported { what, advice: "export without compression or instancing".into() });
     }
 
+    let mut first_with = BTreeMap::new();
+    let uris = root.buffers.iter().map(|buffer| buffer.uri.as_deref());
+    let contents_of = uris.enumerate().map(|(index, uri)| *first_with.entry(uri).or_insert(index)).collect();
     let buffers = root.buffers.iter().map(|_| None).collect();
     let raw = RawMesh { uvs: (weld == Weld::ByPositionAndUv).then(Vec::new), ..Default::default() };
-    let mut reader = GltfReader { root: &root, bin, buffers, fetch, raw };
+    let mut reader = GltfReader { root: &root, bin, contents_of, buffers, fetch, raw };
     let mut names = Vec::new();
     let mut is_found = wanted.is_none();
     for Placed { mesh, name, world_from_node, inside } in placed_meshes(&root, wanted)? {
@@ -58,20 +65,26 @@ pub(super) fn read(bytes: &[u8], wanted: Option<&str>, weld: Weld, fetch: Fetch)
 }
 
 /// JSON and binary chunk of a GLB; a text file is all JSON.
-fn split_container(bytes: &[u8]) -> Result<(Cow<'_, [u8]>, Option<Cow<'_, [u8]>>), MeshFault> {
+fn split_container(bytes: &[u8]) -> Result<(Bytes<'_>, Option<Bytes<'_>>), MeshFault> {
     const HEADER_LEN: u64 = 12;
     if !bytes.starts_with(b"glTF") {
         return Ok((bytes.strip_prefix(b"\xef\xbb\xbf").unwrap_or(bytes).into(), None));
     }
-    let Some(length) = bytes.get(8..12).map(|length| u32::from_le_bytes([length[0], length[1], length[2], length[3]])) else {
-        return Err(MeshFault::Truncated { what: "bytes of header".into(), expected: HEADER_LEN, found: bytes.len() as u64 });
+    let Some(length) = bytes.get(8..12).map(|length| u32::from_le_bytes([length[0], length[1], length[2], length[3]]))
+    else {
+        return Err(MeshFault::Truncated {
+            what: "bytes of header".into(),
+            expected: HEADER_LEN,
+            found: bytes.len() as u64,
+        });
     };
     // The crate subtracts the header's length unchecked.
     if u64::from(length) < HEADER_LEN || u64::from(length) > bytes.len() as u64 {
         let (what, expected, found) = ("bytes of file".into(), u64::from(length).max(HEADER_LEN), bytes.len() as u64);
         return Err(MeshFault::Truncated { what, expected, found });
     }
-    let glb = gltf::Glb::from_slice(bytes).map_err(|error| malformed("GLB container", excerpt(&error.to_string())))?;
+    let glb = gltf::Glb::from_slice(&bytes[..length as usize])
+        .map_err(|error| malformed("GLB container", excerpt(&error.to_string())))?;
     Ok((glb.json, glb.bin))
 }
 
@@ -87,7 +100,8 @@ struct Placed<'a> {
 /// Walks the default scene, or the first, or all nodes that have no parent, or bare meshes.
 fn placed_meshes<'a>(root: &'a Root, wanted: Option<&str>) -> Result<Vec<Placed<'a>>, MeshFault> {
     if root.nodes.is_empty() {
-        let bare = |mesh| Placed { mesh: Some(mesh), name: None, world_from_node: DMat4::IDENTITY, inside: wanted.is_none() };
+        let bare =
+            |mesh| Placed { mesh: Some(mesh), name: None, world_from_node: DMat4::IDENTITY, inside: wanted.is_none() };
         return Ok((0..root.meshes.len()).map(bare).collect());
     }
     let tops: Vec<usize> = match root.scene.map_or(root.scenes.first(), |scene| root.scenes.get(scene.value())) {
@@ -115,7 +129,7 @@ fn placed_meshes<'a>(root: &'a Root, wanted: Option<&str>) -> Result<Vec<Placed<
         }
         let name = node.name.as_deref();
         let inside = inside || name.is_some_and(|name| Some(name) == wanted);
-        let world_from_node = world_from_parent * parent_from_node(node);
+        let world_from_node = world_from_parent * parent_from_node(node, index)?;
         placed.push(Placed { mesh: node.mesh.map(|mesh| mesh.value()), name, world_from_node, inside });
         let children = node.children.iter().flatten().rev();
         open.extend(children.map(|child| (child.value(), world_from_node, inside)));
@@ -123,26 +137,27 @@ fn placed_meshes<'a>(root: &'a Root, wanted: Option<&str>) -> Result<Vec<Placed<
     Ok(placed)
 }
 
-fn parent_from_node(node: &json::Node) -> DMat4 {
-    match &node.matrix {
-        Some(matrix) => DMat4::from_cols_array(&matrix.map(f64::from)),
-        None => {
-            let vector = |v: Option<[f32; 3]>, default| v.map_or(default, |v| Vec3::from_array(v).as_dvec3());
-            let rotation = node.rotation.map_or(DQuat::IDENTITY, |q| DQuat::from_array(q.0.map(f64::from)).normalize());
-            DMat4::from_scale_rotation_translation(
-                vector(node.scale, DVec3::ONE),
-                rotation,
-                vector(node.translation, DVec3::ZERO),
-            )
-        }
+fn parent_from_node(node: &json::Node, index: usize) -> Result<DMat4, MeshFault> {
+    if let Some(matrix) = &node.matrix {
+        return Ok(DMat4::from_cols_array(&matrix.map(f64::from)));
     }
+    let vector = |v: Option<[f32; 3]>, default| v.map_or(default, |v| Vec3::from_array(v).as_dvec3());
+    let rotation = node.rotation.map_or(DQuat::IDENTITY, |q| DQuat::from_array(q.0.map(f64::from)));
+    let rotation = rotation / rotation.length();
+    if !rotation.is_normalized() {
+        return Err(malformed(format!("node {index}"), "its rotation is not a quaternion of length 1"));
+    }
+    let (scale, translation) = (vector(node.scale, DVec3::ONE), vector(node.translation, DVec3::ZERO));
+    Ok(DMat4::from_scale_rotation_translation(scale, rotation, translation))
 }
 
 struct GltfReader<'a, 'f> {
     root: &'a Root,
-    bin: Option<Cow<'a, [u8]>>,
+    bin: Option<Bytes<'a>>,
+    /// The first buffer with the same address, so that nothing is fetched or kept twice.
+    contents_of: Vec<usize>,
     /// Contents of the buffers that were needed so far.
-    buffers: Vec<Option<Cow<'a, [u8]>>>,
+    buffers: Vec<Option<Bytes<'a>>>,
     fetch: Fetch<'f>,
     raw: RawMesh,
 }
@@ -152,7 +167,8 @@ impl GltfReader<'_, '_> {
         let root = self.root;
         let mesh = root.meshes.get(index).ok_or_else(|| malformed(format!("mesh {index}"), "it does not exist"))?;
         for (number, primitive) in mesh.primitives.iter().enumerate() {
-            let place = format!("mesh `{}`, primitive {number}", excerpt(mesh.name.as_deref().unwrap_or(&index.to_string())));
+            let place =
+                format!("mesh `{}`, primitive {number}", excerpt(mesh.name.as_deref().unwrap_or(&index.to_string())));
             let mode = match primitive.mode {
                 Checked::Valid(mode @ (Mode::Triangles | Mode::TriangleStrip | Mode::TriangleFan)) => mode,
                 Checked::Valid(_) => continue,
@@ -176,8 +192,8 @@ impl GltfReader<'_, '_> {
         let first = self.raw.positions.len();
         check_counts((first + positions.len()) as u64, 0)?;
         for (number, position) in positions.iter().enumerate() {
-            let position = world_from_node.transform_point3(Vec3::from_array(*position).as_dvec3()).as_vec3();
-            self.raw.positions.push(finite(position, || format!("{place}, vertex {number}"))?);
+            let position = world_from_node * Vec3::from_array(*position).as_dvec3().extend(1.0);
+            self.raw.positions.push(finite(position.truncate().as_vec3(), || format!("{place}, vertex {number}"))?);
         }
         if self.raw.uvs.is_some() {
             let uvs = attribute(Semantic::TexCoords(0)).ok_or_else(|| MeshFault::NoUvs { place: place.into() })?;
@@ -212,7 +228,9 @@ impl GltfReader<'_, '_> {
         };
         match mode {
             Mode::TriangleStrip => {
-                let turned = |(number, w): (usize, &[u32])| if number % 2 == 0 { [w[0], w[1], w[2]] } else { [w[1], w[0], w[2]] };
+                let turned = |(number, w): (usize, &[u32])| {
+                    if number % 2 == 0 { [w[0], w[1], w[2]] } else { [w[1], w[0], w[2]] }
+                };
                 corners.windows(3).enumerate().map(turned).for_each(&mut push);
             }
             Mode::TriangleFan => corners.windows(2).skip(1).for_each(|w| push([corners[0], w[0], w[1]])),
@@ -222,7 +240,12 @@ impl GltfReader<'_, '_> {
     }
 
     /// Vectors of an accessor as floats; integers are taken as they are or normalised (KHR_mesh_quantization).
-    fn floats<const N: usize>(&mut self, accessor: usize, wanted: Type, place: &str) -> Result<Vec<[f32; N]>, MeshFault> {
+    fn floats<const N: usize>(
+        &mut self,
+        accessor: usize,
+        wanted: Type,
+        place: &str,
+    ) -> Result<Vec<[f32; N]>, MeshFault> {
         let place = format!("{place}, accessor {accessor}");
         let view = self.view(accessor, wanted, &place)?;
         let scale = if view.normalized {
@@ -265,10 +288,12 @@ impl GltfReader<'_, '_> {
         let missing = |what: &str| malformed(place, format!("its {what} does not exist"));
         let accessor = root.accessors.get(accessor).ok_or_else(|| malformed(place, "it does not exist"))?;
         if accessor.sparse.is_some() {
-            let (what, advice) = (format!("a sparse accessor ({place})"), "export without sparse data or morph targets".into());
+            let (what, advice) =
+                (format!("a sparse accessor ({place})"), "export without sparse data or morph targets".into());
             return Err(MeshFault::Unsupported { what, advice });
         }
-        let (Checked::Valid(component), Checked::Valid(dimensions)) = (&accessor.component_type, &accessor.type_) else {
+        let (Checked::Valid(component), Checked::Valid(dimensions)) = (&accessor.component_type, &accessor.type_)
+        else {
             return Err(malformed(place, "its type is unknown"));
         };
         if *dimensions != wanted {
@@ -307,7 +332,7 @@ impl GltfReader<'_, '_> {
     fn buffer(&mut self, index: usize, place: &str) -> Result<&[u8], MeshFault> {
         let missing = || malformed(place, format!("its buffer {index} does not exist"));
         let description = self.root.buffers.get(index).ok_or_else(missing)?;
-        let slot = self.buffers.get_mut(index).ok_or_else(missing)?;
+        let slot = self.contents_of.get(index).and_then(|&first| self.buffers.get_mut(first)).ok_or_else(missing)?;
         let contents = match slot.take() {
             Some(contents) => contents,
             None => match description.uri.as_deref() {
@@ -347,7 +372,8 @@ fn load_uri(uri: &str, buffer: usize, fetch: Fetch) -> Result<Vec<u8>, MeshFault
             .ok_or_else(|| malformed(format!("buffer {buffer}"), "its data URI is not valid base64"));
     }
     let path = decode_percent(uri);
-    let is_outside = path.starts_with(['/', '\\']) || path.contains(':') || path.split(['/', '\\']).any(|part| part == "..");
+    let is_outside =
+        path.starts_with(['/', '\\']) || path.contains(':') || path.split(['/', '\\']).any(|part| part == "..");
     if is_outside {
         return Err(MeshFault::ForbiddenPath { path: excerpt(&path) });
     }
@@ -403,7 +429,8 @@ mod tests {
     /// Test vectors of RFC 4648, section 10.
     #[test]
     fn base64_follows_the_rfc() {
-        let vectors = [("", ""), ("Zg==", "f"), ("Zm8=", "fo"), ("Zm9v", "foo"), ("Zm9vYg==", "foob"), ("Zm9vYmFy", "foobar")];
+        let vectors =
+            [("", ""), ("Zg==", "f"), ("Zm8=", "fo"), ("Zm9v", "foo"), ("Zm9vYg==", "foob"), ("Zm9vYmFy", "foobar")];
         for (text, plain) in vectors {
             assert_eq!(decode_base64(text).as_deref(), Some(plain.as_bytes()));
         }
@@ -416,7 +443,8 @@ mod tests {
         assert_eq!(decode_percent("my%20organ%2ebin"), "my organ.bin");
         assert_eq!(decode_percent("100%"), "100%");
         let mut fetch = |_: &str| Ok(Vec::new());
-        for path in ["../a.bin", "/etc/passwd", "a/%2e%2e/b.bin", "..\\a.bin", "C:\\a.bin", "https://a.b/c.bin", "%2Fa"] {
+        for path in ["../a.bin", "/etc/passwd", "a/%2e%2e/b.bin", "..\\a.bin", "C:\\a.bin", "https://a.b/c.bin", "%2Fa"]
+        {
             assert!(matches!(load_uri(path, 0, &mut fetch), Err(MeshFault::ForbiddenPath { .. })), "{path}");
         }
         assert!(load_uri("folder/a..b.bin", 0, &mut fetch).is_ok());

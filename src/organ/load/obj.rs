@@ -23,7 +23,9 @@ pub(super) fn read(bytes: &[u8], wanted: Option<&str>, weld: Weld) -> Result<Raw
             // One vertex per corner, since positions and texture coordinates are indexed apart; welding joins them.
             Some(uvs) => {
                 raw.positions.extend(mesh.indices.iter().map(|&vertex| position(vertex)));
-                uvs.extend(mesh.texcoord_indices.iter().map(|&uv| Vec2::from_slice(&mesh.texcoords[2 * uv as usize..][..2])));
+                uvs.extend(
+                    mesh.texcoord_indices.iter().map(|&uv| Vec2::from_slice(&mesh.texcoords[2 * uv as usize..][..2])),
+                );
                 let faces = 0..mesh.indices.len() as u32 / 3;
                 raw.triangles.extend(faces.map(|face| [0, 1, 2].map(|corner| first + 3 * face + corner)));
             }
@@ -90,7 +92,8 @@ fn check(text: &str, wanted: Option<&str>, with_uvs: bool) -> Result<String, Mes
                 // A new object starts without a group; `g a b` is in both groups.
                 let group = if keyword == "o" { "" } else { name };
                 object = if keyword == "o" { name } else { object };
-                let is_wanted = |wanted| object == wanted || group == wanted || group.split_whitespace().any(|g| g == wanted);
+                let is_wanted =
+                    |wanted| object == wanted || group == wanted || group.split_whitespace().any(|g| g == wanted);
                 inside = wanted.is_none_or(is_wanted);
                 was_inside |= inside;
                 names.push(name);
@@ -140,7 +143,8 @@ struct Counts {
 impl Counts {
     /// Checks `v`, `v/vt`, `v//vn` or `v/vt/vn` (1-based, or counted back from the latest); says whether `vt` is there.
     fn check_corner(&self, word: &str, at: impl Fn() -> String) -> Result<bool, MeshFault> {
-        let syntax = || malformed(at(), format!("`{}` is not a face corner (v, v/vt, v//vn or v/vt/vn)", excerpt(word)));
+        let syntax =
+            || malformed(at(), format!("`{}` is not a face corner (v, v/vt, v//vn or v/vt/vn)", excerpt(word)));
         let index = |part: &str| part.parse::<i64>().map_err(|_| syntax());
         let check = |index: i64, what: &str, count: u64| match index != 0 && index.unsigned_abs() <= count {
             true => Ok(()),

@@ -36,7 +36,8 @@ pub(super) fn read(bytes: &[u8], wanted: Option<&str>) -> Result<RawMesh, MeshFa
         match element.name.as_str() {
             "vertex" => {
                 let uv_names = uv_names(element)?;
-                let vertices = Parser::<Vertex>::new().read_payload_for_element(&mut reader, element, &header).map_err(fault)?;
+                let vertices =
+                    Parser::<Vertex>::new().read_payload_for_element(&mut reader, element, &header).map_err(fault)?;
                 for (number, vertex) in vertices.iter().enumerate() {
                     raw.positions.push(finite(vertex.position, || format!("vertex {number}"))?);
                 }
@@ -48,12 +49,21 @@ pub(super) fn read(bytes: &[u8], wanted: Option<&str>) -> Result<RawMesh, MeshFa
                 if !element.properties.keys().any(|name| FACE_LISTS.contains(&name.as_str())) {
                     return Err(malformed(place, "it has no list `vertex_indices`"));
                 }
-                polygons = Parser::<Face>::new().read_payload_for_element(&mut reader, element, &header).map_err(fault)?;
+                polygons =
+                    Parser::<Face>::new().read_payload_for_element(&mut reader, element, &header).map_err(fault)?;
             }
             _ => {
                 Parser::<Skipped>::new().read_payload_for_element(&mut reader, element, &header).map_err(fault)?;
             }
         }
+    }
+
+    let left = reader.get_ref().trim_ascii().len();
+    if left > 0 {
+        return Err(malformed(
+            "end of file",
+            format!("{left} bytes follow the last element; a count in the header is wrong"),
+        ));
     }
 
     let count = raw.positions.len() as u64;
@@ -117,10 +127,15 @@ fn uv_names(element: &ElementDef) -> Result<Option<[&'static str; 2]>, MeshFault
 
 fn parse_fault(error: &ply_rs_bw::parser::ParseError, place: &str) -> MeshFault {
     let place = error.line().map_or_else(|| place.to_string(), |line| format!("{place} (line or record {line})"));
-    // The first line says what is wrong, the rest repeats the input and the grammar.
+    // The message's first line says what is wrong; then it quotes the input, and goes on about its grammar.
+    let message = error.to_string();
+    let what = message.lines().next().unwrap_or_default();
+    let what = what.strip_prefix("Line ").and_then(|rest| rest.split_once(": ")).map_or(what, |(_, what)| what);
+    let input = message.split("String: '").nth(1).and_then(|rest| rest.lines().next()).unwrap_or_default();
     let reason = match error.kind() {
         ErrorKind::UnexpectedEof => "the file ends here; it is cut off".into(),
-        _ => excerpt(error.to_string().lines().next().unwrap_or_default()),
+        _ if input.is_empty() => excerpt(what),
+        _ => format!("{} `{}`", excerpt(what), excerpt(input.trim_end_matches('\''))),
     };
     malformed(place, reason)
 }

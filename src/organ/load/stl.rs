@@ -18,7 +18,8 @@ pub(super) fn read(bytes: &[u8], wanted: Option<&str>) -> Result<RawMesh, MeshFa
         return Err(MeshFault::Empty);
     }
     // Programs write binary files whose free text starts with "solid", so the size decides before the text does.
-    let claimed = bytes.get(80..HEADER_LEN).map(|count| u64::from(u32::from_le_bytes([count[0], count[1], count[2], count[3]])));
+    let claimed =
+        bytes.get(80..HEADER_LEN).map(|count| u64::from(u32::from_le_bytes([count[0], count[1], count[2], count[3]])));
     let present = bytes.len().saturating_sub(HEADER_LEN) as u64;
     let fits_exactly = claimed.is_some_and(|facets| facets * FACET_LEN == present);
     let is_text = bytes.trim_ascii_start().get(..5).is_some_and(|start| start.eq_ignore_ascii_case(b"solid"));
@@ -29,7 +30,16 @@ pub(super) fn read(bytes: &[u8], wanted: Option<&str>) -> Result<RawMesh, MeshFa
         return Err(MeshFault::Truncated { what: "bytes of header".into(), expected: 84, found: bytes.len() as u64 });
     };
     if facets * FACET_LEN > present {
-        return Err(MeshFault::Truncated { what: "bytes of facets".into(), expected: facets * FACET_LEN, found: present });
+        return Err(MeshFault::Truncated {
+            what: "bytes of facets".into(),
+            expected: facets * FACET_LEN,
+            found: present,
+        });
+    }
+    // Programs that stream their facets may leave a count of zero behind. A few odd bytes at the end are common.
+    if present - facets * FACET_LEN >= FACET_LEN {
+        let reason = format!("it counts {facets} facets, but there are {}", present / FACET_LEN);
+        return Err(malformed("header", reason));
     }
     if let Some(wanted) = wanted {
         return Err(MeshFault::NoSuchNode { wanted: wanted.into(), names: Vec::new() });
@@ -69,7 +79,10 @@ fn read_ascii(bytes: &[u8], wanted: Option<&str>) -> Result<RawMesh, MeshFault> 
             solid.push('\n');
         }
         if !is_ended {
-            return Err(malformed("end of file", format!("the solid that starts on {at} has no `endsolid`; the file is cut off")));
+            return Err(malformed(
+                "end of file",
+                format!("the solid that starts on {at} has no `endsolid`; the file is cut off"),
+            ));
         }
         solid.push_str("endsolid\n");
         let inside = wanted.is_none_or(|wanted| wanted == name);

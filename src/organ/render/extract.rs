@@ -1,6 +1,6 @@
 //! What the render world takes of organs each frame.
 
-use super::prepare::OrganBuffers;
+use super::prepare::{OrganBuffers, OrganSides};
 use crate::organ::{Organ, OrganModel, OrganShape};
 use bevy::camera::primitives::Aabb;
 use bevy::camera::visibility::RenderLayers;
@@ -32,6 +32,8 @@ pub struct ExtractedOrgan {
     pub centre_world_m: Vec3,
     /// Layers that it is on.
     pub layers: RenderLayers,
+    /// Which of its faces are drawn.
+    pub sides: OrganSides,
     /// Which shape the vertices are of.
     pub revision: (AssetId<OrganModel>, u64),
     /// The vertices, where the GPU's copy is old.
@@ -54,31 +56,51 @@ pub(super) fn bound_shapes(mut commands: Commands, shapes: Query<(Entity, &Organ
     }
 }
 
-type Shaped = (Entity, &'static Organ, &'static OrganShape, &'static GlobalTransform, Option<&'static Aabb>, Option<&'static RenderLayers>);
+type Shaped = (
+    Entity,
+    &'static Organ,
+    &'static OrganShape,
+    &'static GlobalTransform,
+    Option<&'static Aabb>,
+    Option<&'static RenderLayers>,
+);
 
 pub(super) fn extract_organs(
     mut extracted: ResMut<ExtractedOrgans>,
     buffers: Res<OrganBuffers>,
     organs: Extract<Query<Shaped>>,
+    models: Extract<Res<Assets<OrganModel>>>,
 ) {
     extracted.organs.clear();
     for (entity, organ, shape, transform, bounds, layers) in organs.iter() {
         let entity = MainEntity::from(entity);
         let centre = bounds.map_or(Vec3::ZERO, |bounds| bounds.center.into());
         let revision = (organ.0.id(), shape.revision());
+        let is_open = models.get(&organ.0).is_some_and(|model| !model.atlas.is_spherical());
+        let world_from_organ = transform.to_matrix();
         let is_old = buffers.revision(entity) != Some(revision);
         extracted.organs.push(ExtractedOrgan {
             entity,
             model: organ.0.id(),
-            world_from_organ: transform.to_matrix(),
+            world_from_organ,
             centre_world_m: transform.transform_point(centre),
             layers: layers.cloned().unwrap_or_default(),
+            sides: match (is_open, world_from_organ.determinant() < 0.0) {
+                (true, _) => OrganSides::Both,
+                (false, true) => OrganSides::OutsideMirrored,
+                (false, false) => OrganSides::Outside,
+            },
             revision,
             moved: is_old.then(|| {
-                shape.positions_m().iter().zip(shape.normals()).map(|(position, normal)| PrimaryVertex {
-                    position_m: position.extend(0.0).to_array(),
-                    normal: normal.extend(0.0).to_array(),
-                }).collect()
+                shape
+                    .positions_m()
+                    .iter()
+                    .zip(shape.normals())
+                    .map(|(position, normal)| PrimaryVertex {
+                        position_m: position.extend(0.0).to_array(),
+                        normal: normal.extend(0.0).to_array(),
+                    })
+                    .collect()
             }),
         });
     }

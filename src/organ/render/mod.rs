@@ -6,11 +6,11 @@
 mod extract;
 mod prepare;
 
-pub(crate) use prepare::layer_shader;
 pub use extract::{ExtractedOrgan, ExtractedOrgans, PrimaryVertex};
+pub(crate) use prepare::layer_shader;
 pub use prepare::{
-    CornerVertex, GpuOrganModel, OrganBindGroups, OrganLayouts, OrganPipelineKey, OrganUniform, corner_vertex_layout,
-    organ_pipeline_descriptor,
+    CornerVertex, GpuOrganModel, OrganBindGroups, OrganLayouts, OrganPipelineKey, OrganSides, OrganUniform,
+    corner_vertex_layout, organ_pipeline_descriptor,
 };
 
 use super::Organ;
@@ -33,7 +33,10 @@ pub(super) fn build(app: &mut App) {
     app.register_required_components::<Organ, SyncToRenderWorld>();
     // The class makes Bevy's culling list organs per view, with render layers and frusta respected.
     app.world_mut().register_component_hooks::<Organ>().on_add(add_visibility_class::<Organ>);
-    app.add_systems(PostUpdate, extract::bound_shapes.before(bevy::camera::visibility::VisibilitySystems::CheckVisibility));
+    app.add_systems(
+        PostUpdate,
+        extract::bound_shapes.before(bevy::camera::visibility::VisibilitySystems::CheckVisibility),
+    );
     let Some(render_app) = app.get_sub_app_mut(RenderApp) else { return };
     render_app
         .init_resource::<ExtractedOrgans>()
@@ -45,9 +48,7 @@ pub(super) fn build(app: &mut App) {
             Render,
             (
                 prepare::write_buffers.in_set(RenderSystems::PrepareResources),
-                prepare::prepare_bind_groups
-                    .in_set(RenderSystems::PrepareBindGroups)
-                    .in_set(PrepareOrgans),
+                prepare::prepare_bind_groups.in_set(RenderSystems::PrepareBindGroups).in_set(PrepareOrgans),
             ),
         );
 }

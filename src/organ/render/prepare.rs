@@ -8,7 +8,10 @@ use bevy::ecs::system::{SystemParamItem, lifetimeless::SRes};
 use bevy::mesh::VertexBufferLayout;
 use bevy::prelude::*;
 use bevy::render::render_asset::{PrepareAssetError, RenderAsset};
-use bevy::render::render_resource::{binding_types::{storage_buffer_read_only_sized, uniform_buffer}, *};
+use bevy::render::render_resource::{
+    binding_types::{storage_buffer_read_only_sized, uniform_buffer},
+    *,
+};
 use bevy::render::renderer::{RenderDevice, RenderQueue};
 use bevy::render::sync_world::MainEntity;
 use bevy::render::view::{ViewUniform, ViewUniforms};
@@ -119,6 +122,23 @@ pub(super) fn init_layouts(mut commands: Commands) {
     });
 }
 
+/// Which faces of an organ are drawn.
+#[derive(PartialEq, Eq, Hash, Clone, Copy, Debug, Default, SpecializerKey)]
+pub enum OrganSides {
+    /// The outside of a closed organ: half the work.
+    #[default]
+    Outside,
+    /// The same under a transform that mirrors, which turns the faces round.
+    OutsideMirrored,
+    /// Both sides of an open surface.
+    Both,
+}
+
+impl OrganSides {
+    /// All of them, in the order of their numbers.
+    pub const ALL: [Self; 3] = [Self::Outside, Self::OutsideMirrored, Self::Both];
+}
+
 /// What an organ layer's pipeline depends on in a view.
 #[derive(PartialEq, Eq, Hash, Clone, Copy, Debug, SpecializerKey)]
 pub struct OrganPipelineKey {
@@ -126,6 +146,20 @@ pub struct OrganPipelineKey {
     pub format: TextureFormat,
     /// Samples per pixel.
     pub samples: u32,
+    /// Which faces are drawn.
+    pub sides: OrganSides,
+}
+
+impl OrganPipelineKey {
+    /// Writes what all layers have in common into a descriptor.
+    pub fn apply(self, descriptor: &mut RenderPipelineDescriptor) {
+        descriptor.multisample.count = self.samples;
+        descriptor.primitive.cull_mode = match self.sides {
+            OrganSides::Outside => Some(Face::Back),
+            OrganSides::OutsideMirrored => Some(Face::Front),
+            OrganSides::Both => None,
+        };
+    }
 }
 
 /// The pipeline of a layer before specialization: organ vertices, depth test, no blending.
@@ -147,8 +181,6 @@ pub fn organ_pipeline_descriptor(
             buffers: vec![corner_vertex_layout()],
             ..default()
         },
-        // No culling: a mirrored transform turns faces round, and depth decides anyway.
-        primitive: PrimitiveState::default(),
         depth_stencil: Some(DepthStencilState {
             format: CORE_3D_DEPTH_FORMAT,
             depth_write_enabled: Some(writes_depth),

@@ -25,6 +25,7 @@ mod sizing;
 mod straighten;
 mod stretch;
 mod tile_coords;
+mod tile_relax;
 mod triangulation;
 mod walk;
 
@@ -35,12 +36,13 @@ pub use secondary::{SecondaryError, SecondaryVertices};
 pub use tile_coords::OverlayCorner;
 
 use super::{
-    mesh::SurfaceMesh,
+    mesh::{NO_FACE, SurfaceMesh},
     sphere::{SphereMesh, SurfacePoint},
 };
 use bevy::reflect::Reflect;
 use glam::{DVec3, Vec3};
 use serde::{Deserialize, Serialize};
+use straighten::Straightener;
 use walk::ChartedSurface;
 
 /// Texture triangles on an organ where no edge length is asked for.
@@ -50,13 +52,21 @@ pub const MOST_TRIANGLES: u32 = 200_000;
 /// Fewest texture triangles that make sense: with fewer, edges near half circles of the chart.
 pub const FEWEST_TRIANGLES: u32 = 20;
 
+/// Iterations of the first remeshing that may add and remove vertices.
+const RESAMPLING_ITERATIONS: u32 = 18;
+/// Sweeps of straightening before each later remeshing.
+const STRAIGHTENING_SWEEPS: [u32; 3] = [4; 3];
+/// Sweeps of straightening after the last remeshing.
+const LAST_STRAIGHTENING_SWEEPS: u32 = 8;
+
 /// How to make a texture mesh.
 #[derive(Clone, Debug, PartialEq, Reflect, Serialize, Deserialize)]
 pub struct TextureMeshOptions {
     /// Wanted edge length of the texture triangles along the surface, metres; `None` chooses it from the organ's area
     /// such that about [`DEFAULT_TRIANGLES`] cover it.
     pub edge_length_m: Option<f32>,
-    /// Rounds of splitting, collapsing, flipping and relaxing.
+    /// Rounds of splitting, collapsing, flipping and relaxing at first; later ones, in which the edges are
+    /// straightened too, are three quarters as many together.
     pub iterations: u32,
     /// Rounds of relaxing the places in the tiles.
     pub tile_sweeps: u32,
@@ -66,7 +76,7 @@ pub struct TextureMeshOptions {
 
 impl Default for TextureMeshOptions {
     fn default() -> Self {
-        Self { edge_length_m: None, iterations: 30, tile_sweeps: 20, seed: 1 }
+        Self { edge_length_m: None, iterations: 30, tile_sweeps: 14, seed: 1 }
     }
 }
 
@@ -138,7 +148,8 @@ pub struct TextureMesh {
     /// face [`super::mesh::NO_FACE`].
     #[serde(with = "serial::surface_points")]
     pub vertices: Vec<SurfacePoint>,
-    /// The triangulation of these vertices, in the organ's chart.
+    /// The triangulation of these vertices, with their directions in the organ's chart. On the surface its edges run
+    /// as straight as the overlay could make them, which is not exactly along the arcs between these directions.
     #[serde(with = "serial::sphere_mesh")]
     pub triangulation: SphereMesh,
     /// The edge length that was aimed at, metres.
@@ -181,21 +192,19 @@ pub fn build(
     let surface = ChartedSurface { positions_m: &positions_m, chart };
     let vertices = mesh.area_m2() / (edge_length_m * edge_length_m * 0.75f64.sqrt()) + 2.0;
     let mut triangulation = sample::sample(&surface, edge_length_m, vertices as usize, options.seed);
-    remesh::remesh(&surface, &mut triangulation, edge_length_m, options.iterations);
-    let env=|k:&str,d:u32| std::env::var(k).map(|s| s.parse().unwrap()).unwrap_or(d);
-    for _ in 0..env("ROUNDS",1) {
-        straighten::Straightener::new(&mut straightened, &positions_m).straighten(&triangulation.sphere(), edge_length_m, env("ST",10));
+    remesh::remesh(&surface, &mut triangulation, edge_length_m, options.iterations, RESAMPLING_ITERATIONS);
+    // Vertices are spread for the edges as they run; straightening moves the edges, so the two take turns.
+    let iterations = options.iterations.div_ceil(4);
+    for sweeps in STRAIGHTENING_SWEEPS {
+        Straightener::new(&mut straightened, &positions_m).straighten(&triangulation.sphere(), edge_length_m, sweeps);
         triangulation.relocate(&straightened);
         let surface = ChartedSurface { positions_m: &positions_m, chart: &straightened };
-        remesh::remesh(&surface, &mut triangulation, edge_length_m, env("RI",0));
+        remesh::remesh(&surface, &mut triangulation, edge_length_m, iterations, 1);
     }
-    straighten::Straightener::new(&mut straightened, &positions_m).straighten(&triangulation.sphere(), edge_length_m, env("ST2",0));
-    triangulation.relocate(&straightened);
-    let surface = ChartedSurface { positions_m: &positions_m, chart: &straightened };
-    let lengths_m = remesh::side_lengths_m(&surface, &triangulation);
     let texture = triangulation.sphere();
+    Straightener::new(&mut straightened, &positions_m).straighten(&texture, edge_length_m, LAST_STRAIGHTENING_SWEEPS);
     let cells = overlay::overlay(&straightened, &texture)?;
-    Ok(finish(&surface, texture, cells, &lengths_m, edge_length_m, options))
+    Ok(finish(&positions_m, chart, texture, cells, edge_length_m, options))
 }
 
 fn check_chart(mesh: &SurfaceMesh, chart: &SphereMesh) -> Result<(), TextureMeshError> {
@@ -208,35 +217,30 @@ fn check_chart(mesh: &SurfaceMesh, chart: &SphereMesh) -> Result<(), TextureMesh
 
 /// Places in the tiles, measurements, and everything in its final form.
 fn finish(
-    surface: &ChartedSurface,
-    texture: SphereMesh,
-    cells: overlay::Cells,
-    lengths_m: &[[f64; 3]],
+    positions_m: &[DVec3],
+    chart: &SphereMesh,
+    mut texture: SphereMesh,
+    mut cells: overlay::Cells,
     edge_length_m: f64,
     options: &TextureMeshOptions,
 ) -> (TextureMesh, SkinMesh, TextureMeshReport) {
-    let map = tile_coords::map_tiles(&cells, &texture, surface.positions_m, edge_length_m, options.tile_sweeps);
-    let mut report = TextureMeshReport::default();
-    report.measure_triangles(&texture, lengths_m);
-    let corner_positions_m: Vec<DVec3> = map
-        .corners
-        .iter()
-        .map(|corner| cells.vertices[corner.vertex as usize].position_m(surface.positions_m))
-        .collect();
-    report.measure_stretch(&map, &corner_positions_m, edge_length_m);
-    report.overlay_vertices = cells.vertices.len() as u32;
-    report.overlay_triangles = map.sub_triangles.len() as u32;
+    let map = tile_coords::map_tiles(&mut cells, &texture, positions_m, edge_length_m, options.tile_sweeps);
+    let corner_positions_m: Vec<DVec3> =
+        map.corners.iter().map(|corner| cells.vertices[corner.vertex as usize].position_m(positions_m)).collect();
+    let report = TextureMeshReport::measure(&texture, &map, &corner_positions_m, cells.vertices.len(), edge_length_m);
+    for (direction, &point) in texture.directions.iter_mut().zip(&cells.texture_points) {
+        if point.face != NO_FACE {
+            *direction = chart.direction(point);
+        }
+    }
     let skin = SkinMesh {
         secondary: cells.vertices,
         corners: map.corners,
         indices: map.sub_triangles.into_iter().flatten().collect(),
         faces: map.faces,
     };
-    let texture_mesh = TextureMesh {
-        vertices: cells.texture_points,
-        triangulation: texture,
-        edge_length_m: edge_length_m as f32,
-    };
+    let texture_mesh =
+        TextureMesh { vertices: cells.texture_points, triangulation: texture, edge_length_m: edge_length_m as f32 };
     (texture_mesh, skin, report)
 }
 

@@ -53,6 +53,8 @@ pub(super) struct Cells {
     pub directions: Vec<DVec3>,
     /// Ordered by texture triangle, then face.
     pub cells: Vec<Cell>,
+    /// Primary vertices of the geometric faces.
+    pub faces: Vec<[u32; 3]>,
     pub geometric_vertices: usize,
     pub texture_vertices: usize,
     /// The ends of the texture edge that each crossing lies on.
@@ -78,7 +80,8 @@ pub(super) fn overlay(chart: &SphereMesh, texture: &SphereMesh) -> Result<Cells,
             let mut random = Pcg32::seed_from_u64(attempt);
             let reach = 1i32 << (2 * attempt).min(20);
             for direction in &mut nudged.0 {
-                *direction += DVec3::from_array(std::array::from_fn(|_| f64::from(random.random_range(-reach..=reach))));
+                *direction +=
+                    DVec3::from_array(std::array::from_fn(|_| f64::from(random.random_range(-reach..=reach))));
             }
         }
         if !nudged.all_positive(texture) {
@@ -347,7 +350,16 @@ impl Pair<'_> {
                 Cell { texture_triangle: *texture_triangle, face: *face, vertices, len }
             })
             .collect();
-        Cells { vertices, directions, cells, geometric_vertices, texture_vertices, crossed_edges, texture_points }
+        Cells {
+            vertices,
+            directions,
+            cells,
+            faces: self.chart.triangles.clone(),
+            geometric_vertices,
+            texture_vertices,
+            crossed_edges,
+            texture_points,
+        }
     }
 }
 

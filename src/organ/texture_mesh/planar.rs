@@ -1,13 +1,10 @@
 //! Texture meshes for organs that bring their own planar texture coordinates, borders and all.
 
 use super::{
-    super::{
-        mesh::{NO_FACE, SurfaceMesh},
-        sphere::SphereMesh,
-    },
-    MOST_TRIANGLES, SkinMesh, TextureMesh, TextureMeshError, TextureMeshOptions, TextureMeshReport, check_chart, finish,
+    super::{mesh::SurfaceMesh, sphere::SphereMesh},
+    MOST_TRIANGLES, SkinMesh, TextureMesh, TextureMeshError, TextureMeshOptions, TextureMeshReport, check_chart,
+    finish,
     overlay::{Cells, overlay},
-    walk::ChartedSurface,
 };
 use glam::{DVec2, DVec3};
 
@@ -58,25 +55,7 @@ pub fn build_planar(
     };
     let (texture, cells) = drop_unused(&lattice, overlay(chart, &lattice)?);
     let positions_m: Vec<DVec3> = mesh.positions_m.iter().map(|p| p.as_dvec3()).collect();
-    let surface = ChartedSurface { positions_m: &positions_m, chart };
-    let lengths_m: Vec<[f64; 3]> = texture
-        .triangles
-        .iter()
-        .map(|triangle| {
-            std::array::from_fn(|side| {
-                let ends = [triangle[side], triangle[(side + 1) % 3]].map(|v| v as usize);
-                let [from, to] = [ends[0].min(ends[1]), ends[0].max(ends[1])];
-                match (cells.texture_points[from], cells.texture_points[to]) {
-                    (a, b) if a.face != NO_FACE && b.face != NO_FACE => {
-                        surface.walk(a, texture.directions[from], texture.directions[to]).length_m
-                    }
-                    // Off the organ there is nothing to measure; the lattice's own length stands in.
-                    _ => edge_length_m,
-                }
-            })
-        })
-        .collect();
-    Ok(finish(&surface, texture, cells, &lengths_m, edge_length_m, options))
+    Ok(finish(&positions_m, chart, texture, cells, edge_length_m, options))
 }
 
 /// An equilateral lattice over a rectangle and two cells beyond; `None` where that would be too many triangles.

@@ -21,7 +21,7 @@ pub(super) struct GridDirections(pub Vec<DVec3>);
 impl GridDirections {
     /// Rounds directions to the grid.
     pub fn new(directions: &[DVec3]) -> Result<Self, TextureMeshError> {
-        if directions.iter().any(|d| !(d.abs().max_element() <= LARGEST_COORDINATE)) {
+        if directions.iter().any(|d| !d.is_finite() || d.abs().max_element() > LARGEST_COORDINATE) {
             return Err(TextureMeshError::InvalidChart);
         }
         Ok(Self(directions.iter().map(|d| (*d * STEPS_PER_UNIT).round()).collect()))

@@ -11,8 +11,9 @@ use glam::DVec3;
 const SPLIT_ABOVE: f64 = 4.0 / 3.0;
 /// Edges shorter than this many edge lengths are collapsed.
 const COLLAPSE_BELOW: f64 = 4.0 / 5.0;
-/// Share of the iterations, from the first on, that may change the number of vertices.
-const RESAMPLING_SHARE: f64 = 0.6;
+/// A geometric vertex this many wanted lengths from all corners of its texture triangle sits on a bump. On a flat
+/// surface even the largest triangles have no place farther than 0.77 from the nearest corner.
+const BUMP_ABOVE: f64 = 0.9;
 /// Splitting and collapsing leave edges that are shorter on average than the middle of their thresholds.
 const LENGTH_CORRECTION: f64 = 1.1;
 /// Iterations between looks at how thin the organ is around the vertices.
@@ -20,19 +21,21 @@ const SIZING_EVERY: u32 = 4;
 /// Part of the way to the middle of its neighbours that a vertex goes.
 const DAMPING: f64 = 0.8;
 
-/// Relaxes the triangulation over a number of iterations.
+/// Relaxes the triangulation over a number of iterations, of which the first `resampling` may also add and remove
+/// vertices.
 pub(super) fn remesh(
     surface: &ChartedSurface,
     triangulation: &mut Triangulation,
     edge_length_m: f64,
     iterations: u32,
+    resampling: u32,
 ) {
     let edge_length_m = edge_length_m * LENGTH_CORRECTION;
-    let resampling = (iterations as f64 * RESAMPLING_SHARE).ceil() as u32;
     for iteration in 0..iterations {
         if iteration < resampling {
             if iteration % SIZING_EVERY == 0 {
                 size(surface, triangulation, edge_length_m);
+                reach_into_bumps(surface, triangulation);
             }
             split_long(surface, triangulation);
             collapse_short(surface, triangulation);
@@ -45,13 +48,13 @@ pub(super) fn remesh(
 
 /// Length along the surface of the edge between two vertices, metres. The walk starts at the vertex with the smaller
 /// index, so that both triangles of an edge see the same length.
-pub(super) fn edge_length_m(surface: &ChartedSurface, triangulation: &Triangulation, a: u32, b: u32) -> f64 {
+fn edge_length_m(surface: &ChartedSurface, triangulation: &Triangulation, a: u32, b: u32) -> f64 {
     let (a, b) = (a.min(b) as usize, a.max(b) as usize);
     surface.walk(triangulation.points[a], triangulation.directions[a], triangulation.directions[b]).length_m
 }
 
 /// Lengths of the sides of every triangle, metres.
-pub(super) fn side_lengths_m(surface: &ChartedSurface, triangulation: &Triangulation) -> Vec<[f64; 3]> {
+fn side_lengths_m(surface: &ChartedSurface, triangulation: &Triangulation) -> Vec<[f64; 3]> {
     let mut lengths = vec![[0.0; 3]; triangulation.triangles.len()];
     for (face, triangle) in triangulation.triangles.iter().enumerate() {
         for side in 0..3 {
@@ -82,6 +85,40 @@ fn size(surface: &ChartedSurface, triangulation: &mut Triangulation, edge_length
                 let grown = triangulation.wanted_m[a] + sizing::GROWTH * positions[a].distance(positions[b]);
                 triangulation.wanted_m[b] = triangulation.wanted_m[b].min(grown);
             }
+        }
+    }
+}
+
+/// Puts a vertex on every bump that rises inside a single triangle: the end of a duct, say, whose triangle has short
+/// sides but a large surface.
+fn reach_into_bumps(surface: &ChartedSurface, triangulation: &mut Triangulation) {
+    let mut farthest: Vec<Option<(f64, u32)>> = vec![None; triangulation.triangles.len()];
+    let mut near = 0;
+    let mut place_of = vec![0u32; surface.positions_m.len()];
+    for (face, triangle) in surface.chart.triangles.iter().enumerate() {
+        for &vertex in triangle {
+            place_of[vertex as usize] = face as u32;
+        }
+    }
+    let corners: Vec<DVec3> = triangulation.points.iter().map(|&point| surface.position_m(point)).collect();
+    for (vertex, &position) in surface.positions_m.iter().enumerate() {
+        let Some(triangle) = triangulation.locate(near, surface.chart.directions[vertex]) else { continue };
+        near = triangle;
+        let distance = triangulation.triangles[triangle as usize]
+            .map(|v| corners[v as usize].distance(position) / triangulation.wanted_m[v as usize])
+            .into_iter()
+            .fold(f64::INFINITY, f64::min);
+        if distance > BUMP_ABOVE && farthest[triangle as usize].is_none_or(|(d, _)| distance > d) {
+            farthest[triangle as usize] = Some((distance, vertex as u32));
+        }
+    }
+    for (triangle, bump) in farthest.into_iter().enumerate() {
+        if let Some((_, vertex)) = bump {
+            // A little off the geometric vertex, where a direction belongs to one face only.
+            let face = place_of[vertex as usize];
+            let weights = surface.chart.triangles[face as usize].map(|v| if v == vertex { 0.98 } else { 0.01 });
+            let point = SurfacePoint { face, barycentric: DVec3::from_array(weights) };
+            triangulation.insert_into(triangle as u32, point, surface.chart.direction(point));
         }
     }
 }
@@ -158,7 +195,7 @@ fn collapse_short(surface: &ChartedSurface, triangulation: &mut Triangulation) {
     triangulation.collapse(&pairs);
 }
 
-/// Cosine of the largest... angle opposite the first of three sides.
+/// Cosine of the angle opposite the first of three sides.
 fn cosine(opposite: f64, p: f64, q: f64) -> f64 {
     (p * p + q * q - opposite * opposite) / (2.0 * p * q).max(f64::MIN_POSITIVE)
 }

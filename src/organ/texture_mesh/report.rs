@@ -52,8 +52,26 @@ pub struct TextureMeshReport {
 const SMALLEST_SEEN: f64 = 1e-6;
 
 impl TextureMeshReport {
+    /// Measures a finished overlay. `corner_positions_m` are those of the map's corners.
+    pub(super) fn measure(
+        texture: &SphereMesh,
+        map: &TileMap,
+        corner_positions_m: &[DVec3],
+        overlay_vertices: usize,
+        edge_length_m: f64,
+    ) -> Self {
+        let mut report = Self {
+            overlay_vertices: overlay_vertices as u32,
+            overlay_triangles: map.sub_triangles.len() as u32,
+            ..Self::default()
+        };
+        report.measure_triangles(texture, &side_lengths_m(texture, map, corner_positions_m, edge_length_m));
+        report.measure_stretch(map, corner_positions_m, edge_length_m);
+        report
+    }
+
     /// Angles, edges and valences from the side lengths of the texture triangles.
-    pub(super) fn measure_triangles(&mut self, texture: &SphereMesh, lengths_m: &[[f64; 3]]) {
+    fn measure_triangles(&mut self, texture: &SphereMesh, lengths_m: &[[f64; 3]]) {
         let mut angles: Vec<f64> = Vec::with_capacity(lengths_m.len());
         let (mut sum, mut square, mut count) = (0.0, 0.0, 0u32);
         let (mut shortest, mut longest) = (f64::INFINITY, 0.0f64);
@@ -96,7 +114,7 @@ impl TextureMeshReport {
     }
 
     /// Stretch of the map from the tiles to the surface.
-    pub(super) fn measure_stretch(&mut self, map: &TileMap, corner_positions_m: &[DVec3], edge_length_m: f64) {
+    fn measure_stretch(&mut self, map: &TileMap, corner_positions_m: &[DVec3], edge_length_m: f64) {
         let tile_area = 0.5 * 0.75f64.sqrt();
         let mut stretches: Vec<(f64, f64, f64)> = Vec::with_capacity(map.sub_triangles.len());
         for triangle in &map.sub_triangles {
@@ -131,6 +149,35 @@ impl TextureMeshReport {
     }
 }
 
+/// Lengths of the sides of the texture triangles along the surface. Of a side that leaves an open organ only a part
+/// lies on it; the part's length is extended to the whole.
+fn side_lengths_m(
+    texture: &SphereMesh,
+    map: &TileMap,
+    corner_positions_m: &[DVec3],
+    edge_length_m: f64,
+) -> Vec<[f64; 3]> {
+    // Length found of each side, and the share of the tile's side that this covers.
+    let mut found = vec![[(0.0, 0.0); 3]; texture.triangles.len()];
+    for triangle in &map.sub_triangles {
+        for (from, to) in [(0, 1), (1, 2), (2, 0)] {
+            let ends = [triangle[from] as usize, triangle[to] as usize];
+            let [p, q] = ends.map(|c| map.corners[c].tile_barycentric);
+            // A side runs where the weight of the corner across from it vanishes.
+            if let Some(apex) = (0..3).find(|&k| p[k] == 0.0 && q[k] == 0.0) {
+                let side = (apex + 1) % 3;
+                let (length, share) = &mut found[map.corners[ends[0]].texture_triangle as usize][side];
+                *length += corner_positions_m[ends[0]].distance(corner_positions_m[ends[1]]);
+                *share += f64::from((p[side] - q[side]).abs());
+            }
+        }
+    }
+    found
+        .iter()
+        .map(|sides| sides.map(|(length, share)| if share > 0.0 { length / share } else { edge_length_m }))
+        .collect()
+}
+
 /// A place in the tile from its weights.
 fn place(weights: [f32; 3]) -> DVec2 {
     let tile = tile_corners();
@@ -148,10 +195,7 @@ fn singular_values(places: [DVec2; 3], [a, b, c]: [DVec3; 3]) -> Option<(f64, f6
     if twice_area <= 0.0 || tile_edges.determinant() == 0.0 {
         return None;
     }
-    let edges = DMat2::from_cols(
-        DVec2::new((b - a).dot(x), 0.0),
-        DVec2::new((c - a).dot(x), (c - a).dot(y)),
-    );
+    let edges = DMat2::from_cols(DVec2::new((b - a).dot(x), 0.0), DVec2::new((c - a).dot(x), (c - a).dot(y)));
     let map = edges * tile_edges.inverse();
     let square = map.x_axis.length_squared() + map.y_axis.length_squared();
     let determinant = map.determinant();

@@ -1,10 +1,6 @@
 //! The first vertices of a texture mesh: evenly spread over the surface, connected as Delaunay in the chart.
 
-use super::{
-    super::sphere::SurfacePoint,
-    triangulation::Triangulation,
-    walk::ChartedSurface,
-};
+use super::{super::sphere::SurfacePoint, triangulation::Triangulation, walk::ChartedSurface};
 use glam::{DVec3, IVec3};
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg32;
@@ -27,7 +23,8 @@ pub(super) fn sample(surface: &ChartedSurface, edge_length_m: f64, vertices: usi
         face = found.face;
         SurfacePoint { face, barycentric: inside(found.barycentric) }
     });
-    let mut triangulation = Triangulation::octahedron(corners, corners.map(|point| chart.direction(point)), edge_length_m);
+    let mut triangulation =
+        Triangulation::octahedron(corners, corners.map(|point| chart.direction(point)), edge_length_m);
 
     let mut summed_area = Vec::with_capacity(chart.triangles.len());
     let mut area = 0.0;

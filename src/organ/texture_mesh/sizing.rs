@@ -1,7 +1,7 @@
 //! Where the organ is too thin for full-sized texture triangles.
 //!
-//! A tube that three edges cannot surround (a duct, say) would disappear inside a single texture triangle, smearing one
-//! tile over all of it. There the edges are made shorter, with a gradual passage to the full length.
+//! A tube that is less than three edges round (a duct, say) would disappear inside a single texture triangle, smearing
+//! one tile over all of it. There the edges are made shorter, with a gradual passage to the full length.
 
 use super::{super::sphere::SurfacePoint, walk::ChartedSurface};
 use glam::DVec3;
@@ -15,14 +15,13 @@ const STEPS_PER_EDGE: f64 = 6.0;
 /// are two ways apart; round a tube, up to 0.4 ways, as the nearest of the directions misses the round by 11 degrees.
 const MEETING: f64 = 0.5;
 /// Edges that surround a tube.
-const EDGES_AROUND: f64 = 3.0;
-fn ev(k:&str,d:f64)->f64{std::env::var(k).map(|s| s.parse().unwrap()).unwrap_or(d)}
+const EDGES_AROUND: f64 = 4.0;
 /// Least share of the full edge length.
 const LEAST_SHARE: f64 = 0.2;
 /// By how much edges may grow per length away from where they are short.
 pub(super) const GROWTH: f64 = 0.5;
 
-/// Edge length that suits a place, metres: the full one, or a third of the way round the organ if that is shorter.
+/// Edge length that suits a place, metres: the full one, or a fourth of the way round the organ if that is shorter.
 ///
 /// The way round is found by going straight ahead in opposite directions at once until both meet on the far side.
 pub(super) fn edge_length_at(surface: &ChartedSurface, start: SurfacePoint, full_m: f64) -> f64 {
@@ -39,7 +38,7 @@ pub(super) fn edge_length_at(surface: &ChartedSurface, start: SurfacePoint, full
         let mut ends = [(start, along), (start, -along)];
         for step in 1..=steps {
             let way_m = step as f64 * step_m;
-            let round_m = 2.0 * way_m / ev("EA",3.0);
+            let round_m = 2.0 * way_m / EDGES_AROUND;
             if round_m >= shortest_m {
                 break;
             }
@@ -55,5 +54,5 @@ pub(super) fn edge_length_at(surface: &ChartedSurface, start: SurfacePoint, full
             }
         }
     }
-    shortest_m.max(ev("LS",0.2) * full_m)
+    shortest_m.max(LEAST_SHARE * full_m)
 }

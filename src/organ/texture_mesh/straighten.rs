@@ -20,7 +20,6 @@ const LEAST_FATNESS: f64 = 0.05;
 /// what lies between.
 const LONGEST_EDGE: f64 = 0.75;
 
-fn lf()->f64{std::env::var("LF").map(|s| s.parse().unwrap()).unwrap_or(LEAST_FATNESS)}
 /// A chart being straightened.
 pub(super) struct Straightener<'a> {
     pub chart: &'a mut SphereMesh,
@@ -69,7 +68,7 @@ impl<'a> Straightener<'a> {
                 self.star(vertex).iter().all(|&face| {
                     let [a, b, c] = self.chart.triangles[face as usize].map(|v| self.positions_m[v as usize]);
                     let longest = a.distance(b).max(b.distance(c)).max(c.distance(a));
-                    longest < LONGEST_EDGE * edge_length_m * std::env::var("LE").map(|s| s.parse().unwrap()).unwrap_or(1.0)
+                    longest < LONGEST_EDGE * edge_length_m
                 })
             })
             .collect();
@@ -144,7 +143,7 @@ impl<'a> Straightener<'a> {
                 let (new_triangle, new_direction) = go(texture, triangle, here, step);
                 self.chart.directions[vertex] = new_direction;
                 let fatness = places.iter().map(|p| self.fatness(p.0)).fold(f64::INFINITY, f64::min);
-                if fatness > lf().min(old_fatness) && fatness > 0.0 {
+                if fatness > LEAST_FATNESS.min(old_fatness) && fatness > 0.0 {
                     triangle_of[vertex] = new_triangle;
                     return;
                 }

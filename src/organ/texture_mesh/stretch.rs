@@ -31,10 +31,15 @@ impl Element {
     }
 
     /// Columns: how the place in the tile changes along the face's two axes.
-    pub fn jacobian(&self, places: [DVec2; 3]) -> DMat2 {
+    fn jacobian(&self, places: [DVec2; 3]) -> DMat2 {
         let [p, q, r] = places;
         let [g, h, i] = self.gradients;
         DMat2::from_cols(p * g.x + q * h.x + r * i.x, p * g.y + q * h.y + r * i.y)
+    }
+
+    /// Area in the tile per area on the surface; negative where flipped.
+    pub fn determinant(&self, places: [DVec2; 3]) -> f64 {
+        self.jacobian(places).determinant()
     }
 
     pub fn energy(&self, places: [DVec2; 3], area_weight: f64) -> f64 {
@@ -44,7 +49,8 @@ impl Element {
             return f64::INFINITY;
         }
         let square = jacobian.x_axis.length_squared() + jacobian.y_axis.length_squared();
-        self.area * (0.5 * square / determinant + area_weight * (determinant + 1.0 / determinant))
+        let shape = 0.5 * square / determinant;
+        self.area * (shape * shape + area_weight * (determinant + 1.0 / determinant))
     }
 
     /// Gradient of the energy in the place of corner `k`, and a scale for the step.
@@ -58,10 +64,15 @@ impl Element {
             g.x * jacobian.y_axis.y - g.y * jacobian.x_axis.y,
             g.y * jacobian.x_axis.x - g.x * jacobian.y_axis.x,
         );
-        let slope = (of_square * determinant - square * of_determinant) * (0.5 / (determinant * determinant))
+        let shape = 0.5 * square / determinant;
+        let slope = (of_square * determinant - square * of_determinant) * (shape / (determinant * determinant))
             + of_determinant * (area_weight * (1.0 - 1.0 / (determinant * determinant)));
-        let stiffness = g.length_squared() / determinant;
+        let stiffness = 2.0 * shape * g.length_squared() / determinant;
         (slope * self.area, stiffness * self.area)
     }
 }
 
+/// Whether a triangle in a face is counter-clockwise and not too small to tell.
+pub(super) fn is_upright([a, b, c]: [DVec3; 3], face_normal: DVec3) -> bool {
+    (b - a).cross(c - a).dot(face_normal) > SMALLEST_AREA
+}

@@ -1,12 +1,10 @@
 //! Where every overlay vertex lies in its tile, chosen so that the tile is stretched as evenly as possible.
 //!
-//! A texture triangle's corners go to the tile's corners and its edges to the tile's edges. Everything else is free:
-//! geometric vertices move inside their tile and crossings slide along their edge (one position for both tiles, so
-//! neighbours agree to the last bit). Starting from the weights of the spherical triangle, which never flip, each is
-//! moved to lower `s1/s2 + s2/s1` of the singular values (Hormann and Greiner 2000, "MIPS") plus a little of the same
-//! for the area; both grow without bound towards a flip, so nothing ever flips.
+//! A texture triangle's corners go to the tile's corners and its edges to the tile's edges; a crossing has one position
+//! for both tiles of its edge, so neighbours agree to the last bit. Everything starts from the weights of the spherical
+//! triangle, which never flip, and is then relaxed.
 
-use super::{super::sphere::SphereMesh, overlay::Cells, stretch::Element};
+use super::{super::sphere::SphereMesh, overlay::Cells, tile_relax::Relaxation};
 use bevy::reflect::Reflect;
 use glam::{DVec2, DVec3};
 use serde::{Deserialize, Serialize};
@@ -22,11 +20,6 @@ pub struct OverlayCorner {
     /// both sides of a texture edge have the same two weights on it.
     pub tile_barycentric: [f32; 3],
 }
-
-/// Weight of even area against even shape.
-const AREA_WEIGHT: f64 = 0.15;
-/// Steps tried by each vertex in one sweep, each half the one before.
-const LINE_SEARCH_STEPS: usize = 6;
 
 /// Sub-triangles with their corners in tiles.
 #[derive(Clone, Debug)]
@@ -54,39 +47,40 @@ pub(super) fn tile_weights(place: DVec2) -> DVec3 {
 
 /// How an overlay vertex may move in its tiles.
 #[derive(Clone, Copy)]
-enum Freedom {
+pub(super) enum Freedom {
     Fixed,
     /// Anywhere in the tile of this corner.
     Inside(u32),
     /// Along an edge: one corner on each side (the second absent on a border), each with the edge's two ends, and the
     /// share of the way from the first end.
-    Along { corners: [u32; 2], ends: [[usize; 2]; 2], share: f64 },
+    Along {
+        corners: [u32; 2],
+        ends: [[usize; 2]; 2],
+        share: f64,
+    },
 }
 
 /// Cuts the cells into triangles and gives every corner its place in the tile.
+///
+/// Crossings and texture vertices also move on the surface, within their edge or face, so `cells.vertices` changes.
 pub(super) fn map_tiles(
-    cells: &Cells,
+    cells: &mut Cells,
     texture: &SphereMesh,
     positions_m: &[DVec3],
     edge_length_m: f64,
     sweeps: u32,
 ) -> TileMap {
-    let positions: Vec<DVec3> = cells
-        .vertices
-        .iter()
-        .map(|v| (0..3).map(|k| positions_m[v.primary[k] as usize] * f64::from(v.weights[k])).sum::<DVec3>() / edge_length_m)
-        .collect();
+    let positions: Vec<DVec3> = cells.vertices.iter().map(|v| v.position_m(positions_m) / edge_length_m).collect();
     let (mut map, mut freedoms) = start(cells, texture, &positions);
-    let elements: Vec<Option<Element>> = map
-        .sub_triangles
-        .iter()
-        .map(|t| {
-            let corners = t.map(|c| positions[map.corners[c as usize].vertex as usize]);
-            let places = t.map(|c| map.in_tile[c as usize]);
-            Element::new(corners).filter(|element| element.jacobian(places).determinant() > 0.0)
-        })
-        .collect();
-    relax(&mut map, &mut freedoms, &elements, sweeps);
+    let moved =
+        Relaxation::new(cells, &map, positions, positions_m, edge_length_m).run(&mut map, &mut freedoms, sweeps);
+    for (vertex, weights) in moved {
+        cells.vertices[vertex as usize].weights = weights.map(|w| w as f32);
+        let texture_vertex = (vertex as usize).wrapping_sub(cells.geometric_vertices);
+        if let Some(point) = cells.texture_points.get_mut(texture_vertex) {
+            point.barycentric = DVec3::from_array(weights);
+        }
+    }
     for (corner, place) in map.corners.iter_mut().zip(&map.in_tile) {
         corner.tile_barycentric = tile_weights(*place).as_vec3().to_array();
     }
@@ -107,8 +101,7 @@ pub(super) fn map_tiles(
         let texture_vertex = (corner.vertex as usize).wrapping_sub(cells.geometric_vertices);
         if texture_vertex < cells.texture_vertices {
             let triangle = texture.triangles[corner.texture_triangle as usize];
-            corner.tile_barycentric =
-                triangle.map(|v| if v as usize == texture_vertex { 1.0 } else { 0.0 });
+            corner.tile_barycentric = triangle.map(|v| if v as usize == texture_vertex { 1.0 } else { 0.0 });
         }
     }
     map
@@ -131,12 +124,9 @@ fn start(cells: &Cells, texture: &SphereMesh, positions: &[DVec3]) -> (TileMap, 
                 let corner = map.corners.len() as u32;
                 corner_of[vertex as usize] = (cell.texture_triangle, corner);
                 let d = cells.directions[vertex as usize];
-                let mut weights = DVec3::new(
-                    (b - d).cross(c - d).dot(d),
-                    (c - d).cross(a - d).dot(d),
-                    (a - d).cross(b - d).dot(d),
-                )
-                .max(DVec3::ZERO);
+                let mut weights =
+                    DVec3::new((b - d).cross(c - d).dot(d), (c - d).cross(a - d).dot(d), (a - d).cross(b - d).dot(d))
+                        .max(DVec3::ZERO);
                 if vertex as usize >= first_crossing {
                     let edge = cells.crossed_edges[vertex as usize - first_crossing];
                     let apex = (0..3).find(|&k| !edge.contains(&triangle[k])).unwrap_or(0);
@@ -196,99 +186,4 @@ fn best_fan(polygon: &[u32], positions: &[DVec3]) -> usize {
     }
     let scores: Vec<f64> = (0..polygon.len()).map(worst).collect();
     (0..polygon.len()).max_by(|&i, &j| scores[i].total_cmp(&scores[j]).then(j.cmp(&i))).unwrap_or(0)
-}
-
-/// Moves vertices one after the other, each down its own energy.
-fn relax(map: &mut TileMap, freedoms: &mut [Freedom], elements: &[Option<Element>], sweeps: u32) {
-    let tile = tile_corners();
-    // Sub-triangles around each corner, as one flat list.
-    let mut starts = vec![0u32; map.corners.len() + 1];
-    for triangle in &map.sub_triangles {
-        for &corner in triangle {
-            starts[corner as usize + 1] += 1;
-        }
-    }
-    for k in 1..starts.len() {
-        starts[k] += starts[k - 1];
-    }
-    let mut fill = starts.clone();
-    let mut around = vec![(0u32, 0u8); map.sub_triangles.len() * 3];
-    for (index, triangle) in map.sub_triangles.iter().enumerate() {
-        for (k, &corner) in triangle.iter().enumerate() {
-            around[fill[corner as usize] as usize] = (index as u32, k as u8);
-            fill[corner as usize] += 1;
-        }
-    }
-    let star = |corner: u32| &around[starts[corner as usize] as usize..starts[corner as usize + 1] as usize];
-
-    let energy = |in_tile: &[DVec2], corner: u32| -> f64 {
-        star(corner)
-            .iter()
-            .filter_map(|&(t, _)| {
-                let element = elements[t as usize].as_ref()?;
-                Some(element.energy(map.sub_triangles[t as usize].map(|c| in_tile[c as usize]), AREA_WEIGHT))
-            })
-            .sum()
-    };
-    let slope = |in_tile: &[DVec2], corner: u32| -> (DVec2, f64) {
-        star(corner).iter().fold((DVec2::ZERO, 0.0), |(slope, stiffness), &(t, k)| match &elements[t as usize] {
-            Some(element) => {
-                let places = map.sub_triangles[t as usize].map(|c| in_tile[c as usize]);
-                let (s, h) = element.slope(places, k as usize, AREA_WEIGHT);
-                (slope + s, stiffness + h)
-            }
-            None => (slope, stiffness),
-        })
-    };
-
-    let in_tile = &mut map.in_tile;
-    for _ in 0..sweeps {
-        for freedom in freedoms.iter_mut() {
-            match freedom {
-                Freedom::Fixed => {}
-                Freedom::Inside(corner) => {
-                    let corner = *corner;
-                    let old = in_tile[corner as usize];
-                    let before = energy(in_tile, corner);
-                    let (direction, stiffness) = slope(in_tile, corner);
-                    let mut step = -direction / stiffness.max(f64::MIN_POSITIVE);
-                    for _ in 0..LINE_SEARCH_STEPS {
-                        in_tile[corner as usize] = old + step;
-                        if tile_weights(old + step).min_element() > 0.0 && energy(in_tile, corner) < before {
-                            break;
-                        }
-                        in_tile[corner as usize] = old;
-                        step *= 0.5;
-                    }
-                }
-                Freedom::Along { corners, ends, share } => {
-                    let both = || corners.iter().zip(ends.iter()).filter(|(c, _)| **c != u32::MAX);
-                    let old = *share;
-                    let mut before = 0.0;
-                    let (mut along, mut stiff) = (0.0, 0.0);
-                    for (&corner, &[from, to]) in both() {
-                        before += energy(in_tile, corner);
-                        let (direction, stiffness) = slope(in_tile, corner);
-                        along += direction.dot(tile[to] - tile[from]);
-                        stiff += stiffness;
-                    }
-                    let mut step = -along / stiff.max(f64::MIN_POSITIVE);
-                    for trial in 0..=LINE_SEARCH_STEPS {
-                        let new = if trial < LINE_SEARCH_STEPS { old + step } else { old };
-                        for (&corner, &[from, to]) in both() {
-                            in_tile[corner as usize] = tile[from].lerp(tile[to], new);
-                        }
-                        let better = new > 0.0 && new < 1.0 && {
-                            both().map(|(&corner, _)| energy(in_tile, corner)).sum::<f64>() < before
-                        };
-                        if better {
-                            *share = new;
-                            break;
-                        }
-                        step *= 0.5;
-                    }
-                }
-            }
-        }
-    }
 }

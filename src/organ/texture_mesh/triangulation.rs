@@ -8,7 +8,7 @@ use glam::DVec3;
 
 /// How far from degenerate every triangle is kept, as its determinant over the square of its longest chord. An
 /// equilateral triangle has 0.87.
-const LEAST_FATNESS: f64 = 0.02;
+const LEAST_FATNESS: f64 = 0.004;
 
 /// The texture triangulation while it is being built: always a valid triangulation of the sphere.
 #[derive(Clone, Debug)]
@@ -173,6 +173,18 @@ impl Triangulation {
     /// Inserts a vertex inside a face and restores the Delaunay property of the directions (Lawson's flips).
     /// Returns `false`, changing nothing, where a new triangle would be too thin.
     pub fn insert(&mut self, face: u32, point: SurfacePoint, direction: DVec3) -> bool {
+        let vertex = self.directions.len() as u32;
+        let first_new = self.triangles.len() as u32;
+        let inserted = self.insert_into(face, point, direction);
+        if inserted {
+            self.legalise(vertex, vec![face, first_new, first_new + 1]);
+        }
+        inserted
+    }
+
+    /// Inserts a vertex inside a face, connected to the face's corners only. Returns `false`, changing nothing, where
+    /// the direction is not inside or a new triangle would be too thin.
+    pub fn insert_into(&mut self, face: u32, point: SurfacePoint, direction: DVec3) -> bool {
         let [a, b, c] = self.triangles[face as usize];
         let corners = [a, b, c].map(|v| self.directions[v as usize]);
         if (0..3).any(|k| fatness(corners[k], corners[(k + 1) % 3], direction) <= LEAST_FATNESS) {
@@ -197,7 +209,6 @@ impl Triangulation {
         for (v, at) in [(a, face), (b, face), (c, second)] {
             self.triangle_at[v as usize] = at;
         }
-        self.legalise(vertex, vec![face, second, third]);
         true
     }
 

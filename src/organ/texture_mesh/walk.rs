@@ -97,10 +97,7 @@ impl ChartedSurface<'_> {
         let corners = self.corners_m(face);
         let end = corners[0] * weights.x + corners[1] * weights.y + corners[2] * weights.z;
         let flat_end = flat[0] * weights.x + flat[1] * weights.y + flat[2] * weights.z;
-        Arc {
-            length_m: length_m + end.distance(last),
-            displacement_m: axis_x * flat_end.x + axis_y * flat_end.y,
-        }
+        Arc { length_m: length_m + end.distance(last), displacement_m: axis_x * flat_end.x + axis_y * flat_end.y }
     }
 
     /// Goes straight ahead on the surface: along a vector in the plane of the start's face, turning with the surface

@@ -30,7 +30,7 @@ pub(super) fn build(app: &mut App) {
         .add_systems(
             Render,
             (
-                prepare::prepare_pipelines.in_set(RenderSystems::Prepare),
+                prepare::prepare_pipelines.in_set(RenderSystems::PrepareResources),
                 prepare::write_buffers.in_set(RenderSystems::PrepareResources),
                 prepare::prepare_bind_groups.in_set(RenderSystems::PrepareBindGroups),
             ),

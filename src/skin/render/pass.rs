@@ -1,6 +1,6 @@
 //! Draws the skins of the organs that a camera sees.
 
-use super::prepare::{SkinInstances, SkinPipelineId};
+use super::prepare::{SkinInstances, SkinPipelineIds};
 use crate::organ::Organ;
 use crate::organ::render::{ExtractedOrgans, GpuOrganModel, OrganBindGroups};
 use bevy::camera::{MainPassResolutionOverride, Viewport};
@@ -18,7 +18,7 @@ type SkinView = (
     &'static ViewDepthTexture,
     &'static ViewUniformOffset,
     &'static RenderVisibleEntities,
-    &'static SkinPipelineId,
+    &'static SkinPipelineIds,
     Option<&'static MainPassResolutionOverride>,
 );
 
@@ -31,17 +31,19 @@ pub(super) fn draw_skins(
     cache: Res<PipelineCache>,
     mut ctx: RenderContext,
 ) {
-    let (camera, target, depth, view_offset, visible, pipeline, resolution) = view.into_inner();
-    let (Some(pipeline), Some(view_group), Some(visible)) =
-        (cache.get_render_pipeline(pipeline.0), &organ_groups.view, visible.get::<Organ>())
-    else {
-        return;
-    };
-    let mut drawable = visible.entities_cpu_culling.iter().filter_map(|&(_, entity)| {
-        let place = organs.organs.binary_search_by_key(&entity, |organ| organ.entity).ok()?;
-        let model = models.get(organs.organs[place].model)?;
-        Some((model, organ_groups.organ(entity)?, skins.bind_group(entity)?))
-    }).peekable();
+    let (camera, target, depth, view_offset, visible, pipelines, resolution) = view.into_inner();
+    let (Some(view_group), Some(visible)) = (&organ_groups.view, visible.get::<Organ>()) else { return };
+    let mut drawable = visible
+        .entities_cpu_culling
+        .iter()
+        .filter_map(|&(_, entity)| {
+            let place = organs.organs.binary_search_by_key(&entity, |organ| organ.entity).ok()?;
+            let organ = &organs.organs[place];
+            let model = models.get(organ.model)?;
+            let pipeline = cache.get_render_pipeline(pipelines.of(organ.sides))?;
+            Some((pipeline, model, organ_groups.organ(entity)?, skins.bind_group(entity)?))
+        })
+        .peekable();
     if drawable.peek().is_none() {
         return;
     }
@@ -59,9 +61,9 @@ pub(super) fn draw_skins(
     if let Some(viewport) = Viewport::from_viewport_and_override(camera.viewport.as_ref(), resolution) {
         pass.set_camera_viewport(&viewport);
     }
-    pass.set_render_pipeline(pipeline);
-    pass.set_bind_group(0, view_group, &[view_offset.offset]);
-    for (model, (organ_group, organ_offset), skin_group) in drawable {
+    for (pipeline, model, (organ_group, organ_offset), skin_group) in drawable {
+        pass.set_render_pipeline(pipeline);
+        pass.set_bind_group(0, view_group, &[view_offset.offset]);
         pass.set_bind_group(1, organ_group, &[organ_offset]);
         pass.set_bind_group(2, skin_group, &[]);
         pass.set_vertex_buffer(0, model.corners.slice(..));

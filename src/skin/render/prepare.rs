@@ -3,7 +3,7 @@
 use super::extract::ExtractedSkins;
 use crate::organ::OrganModel;
 use crate::organ::render::{
-    ExtractedOrgans, GpuOrganModel, OrganLayouts, OrganPipelineKey, layer_shader, organ_pipeline_descriptor,
+    ExtractedOrgans, GpuOrganModel, OrganLayouts, OrganPipelineKey, OrganSides, layer_shader, organ_pipeline_descriptor,
 };
 use crate::skin::tiles::assign_tiles;
 use bevy::prelude::*;
@@ -52,16 +52,22 @@ impl Specializer<RenderPipeline> for SkinSpecializer {
         key: OrganPipelineKey,
         descriptor: &mut RenderPipelineDescriptor,
     ) -> Result<Canonical<OrganPipelineKey>, BevyError> {
-        descriptor.multisample.count = key.samples;
+        key.apply(descriptor);
         let target = ColorTargetState { format: key.format, blend: None, write_mask: ColorWrites::ALL };
         descriptor.fragment_mut()?.set_target(0, target);
         Ok(key)
     }
 }
 
-/// The pipeline of the skin in a view.
+/// The pipelines of the skin in a view, one for each of [`OrganSides::ALL`].
 #[derive(Component)]
-pub(super) struct SkinPipelineId(pub CachedRenderPipelineId);
+pub(super) struct SkinPipelineIds([CachedRenderPipelineId; 3]);
+
+impl SkinPipelineIds {
+    pub fn of(&self, sides: OrganSides) -> CachedRenderPipelineId {
+        self.0[sides as usize]
+    }
+}
 
 pub(super) fn init_pipeline(mut commands: Commands, layouts: Res<OrganLayouts>, assets: Res<AssetServer>) {
     let layout = BindGroupLayoutDescriptor::new(
@@ -89,9 +95,13 @@ pub(super) fn prepare_pipelines(
     views: Query<(Entity, &ExtractedView, &Msaa), With<ExtractedCamera>>,
 ) -> Result {
     for (entity, view, msaa) in &views {
-        let key = OrganPipelineKey { format: view.target_format, samples: msaa.samples() };
-        let id = pipeline.variants.specialize(&cache, key)?;
-        commands.entity(entity).insert(SkinPipelineId(id));
+        let mut id = |sides| {
+            let key = OrganPipelineKey { format: view.target_format, samples: msaa.samples(), sides };
+            pipeline.variants.specialize(&cache, key)
+        };
+        let [outside, mirrored, both] = OrganSides::ALL;
+        let ids = SkinPipelineIds([id(outside)?, id(mirrored)?, id(both)?]);
+        commands.entity(entity).insert(ids);
     }
     Ok(())
 }

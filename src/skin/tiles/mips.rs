@@ -71,10 +71,17 @@ impl Lattice {
     /// Prefiltered colour at a lattice point; places outside the tile come from `around`.
     fn filtered(&self, around: &Lattice, i: i32, j: i32) -> [i32; 3] {
         let mut sum = [32; 3];
-        let whole = i >= 2 && j >= 2 && i + j + 2 <= self.steps;
+        if i >= 2 && j >= 2 && i + j + 2 <= self.steps {
+            let rows: [i32; 5] = std::array::from_fn(|row| Self::offset(self.steps, i, j + row as i32 - 2) as i32);
+            for (di, dj, weight) in HEXAGON_WEIGHTS {
+                let texel = self.texels[(rows[(dj + 2) as usize] + di) as usize];
+                sum = std::array::from_fn(|c| sum[c] + weight * texel[c]);
+            }
+            return sum.map(|s| s >> 6);
+        }
         for (di, dj, weight) in HEXAGON_WEIGHTS {
             let (i, j) = (i + di, j + dj);
-            let texel = if whole || self.is_inside(i, j) { self.at(i, j) } else { around.anywhere(i, j) };
+            let texel = if self.is_inside(i, j) { self.at(i, j) } else { around.anywhere(i, j) };
             sum = std::array::from_fn(|c| sum[c] + weight * texel[c]);
         }
         sum.map(|s| s >> 6)
@@ -126,10 +133,9 @@ impl Lattice {
 /// `tiles` are 8-bit sRGB colours on the lattice of each tile.
 pub(super) fn build(resolution_px: u32, tiles: &[Vec<[u8; 3]>; TILE_COUNT]) -> Vec<Vec<u8>> {
     let steps = steps_from_resolution(resolution_px) as i32;
-    let mut lattices: [Lattice; TILE_COUNT] = tiles.each_ref().map(|texels| Lattice {
-        steps,
-        texels: texels.iter().copied().map(fixed_from_bytes).collect(),
-    });
+    let mut lattices: [Lattice; TILE_COUNT] = tiles
+        .each_ref()
+        .map(|texels| Lattice { steps, texels: texels.iter().copied().map(fixed_from_bytes).collect() });
     let mut mean = Lattice::mean(&lattices);
     let mut levels = vec![finest_level(resolution_px, &lattices, &mean)];
     let mut size = resolution_px as i32;

@@ -1,13 +1,14 @@
 //! The skin's pattern: four equilateral triangular tiles of Worley noise that fit together along every edge.
 //!
 //! A texture mesh of nearly equilateral triangles covers the organ, and each triangle shows one of four tiles in one of
-//! three rotations (Neyret and Cani 1999, as used in section 4.1 of "Rendering the organ surface", 2002). Any edge of
-//! any tile fits any other, so the choice is free and nothing repeats in sight.
+//! three rotations (Neyret and Cani 1999; "Realistic rendering of an organ surface in real-time for laparoscopic surgery
+//! simulation", 2002, section 4.1). Any edge of any tile fits any other, so the choice is free and nothing repeats in
+//! sight.
 //!
 //! * [`TilePoints`]: Poisson-disk feature points with one shared strip along every edge ([`points`]).
 //! * The distance to the nearest point becomes a colour through a [`ColourRamp`], with a second octave, a tint per cell
-//!   and bent borders ([`worley`]).
-//! * [`TileSet`]: the four tiles as a mipmapped texture array without seams ([`mips`]), to and from PNG ([`png`]).
+//!   and bent borders (`worley`).
+//! * [`TileSet`]: the four tiles as a mipmapped texture array without seams (`mips`), to and from PNG (`png`).
 //! * [`assign_tiles`]: which tile goes on which triangle.
 //!
 //! # Layout of a tile's texture
@@ -61,7 +62,7 @@ pub struct TileOptions {
     pub ramp: ColourRamp,
     /// How much cells differ from one another in brightness, 0..=1 (and, by a fifth of that, in warmth).
     pub cell_jitter: f32,
-    /// How far borders between cells are bent, 0..=0.5 Poisson radii; none right at a tile's edge.
+    /// How far borders between cells are bent, 0..=0.3 Poisson radii; none right at a tile's edge.
     pub wobble: f32,
     /// The second, finer octave.
     pub detail: TileDetail,
@@ -85,7 +86,7 @@ pub struct TileDetail {
 
 impl Default for TileDetail {
     fn default() -> Self {
-        Self { cells_ratio: 3.0, relief: 0.2, net: 0.0, net_srgb: [0.8, 0.6, 0.5] }
+        Self { cells_ratio: 2.8, relief: 0.2, net: 0.0, net_srgb: [0.8, 0.6, 0.5] }
     }
 }
 
@@ -100,7 +101,7 @@ impl Default for TileOptions {
     fn default() -> Self {
         Self {
             resolution_px: 512,
-            cells_per_edge: 12.0,
+            cells_per_edge: 16.0,
             ramp: ColourRamp::from_srgb8(&[(0.0, [96, 40, 32]), (1.0, [150, 84, 66])]),
             cell_jitter: 0.12,
             wobble: 0.15,
@@ -127,7 +128,7 @@ impl TileOptions {
         let detail = &self.detail;
         for (field, value, low, high) in [
             ("cell_jitter", self.cell_jitter, 0.0, 1.0),
-            ("wobble", self.wobble, 0.0, 0.5),
+            ("wobble", self.wobble, 0.0, 0.3),
             ("detail.cells_ratio", detail.cells_ratio, 1.0, 8.0),
             ("detail.relief", detail.relief, 0.0, 1.0),
             ("detail.net", detail.net, 0.0, 1.0),
@@ -290,8 +291,7 @@ impl TileSet {
 
     /// The two edges that fit worst in the finest level.
     pub fn worst_edge(&self) -> EdgeMismatch {
-        let (steps, padding) =
-            (steps_from_resolution(self.resolution_px), padding_from_resolution(self.resolution_px));
+        let (steps, padding) = (steps_from_resolution(self.resolution_px), padding_from_resolution(self.resolution_px));
         let tiles = std::array::from_fn(|tile| {
             let layer = self.layer(0, tile);
             (0..=steps)

@@ -33,8 +33,8 @@ impl TileSet {
         let names = paths.map(|path| path.display().to_string());
         let mut files: [Vec<u8>; TILE_COUNT] = Default::default();
         for ((path, name), file) in paths.iter().zip(&names).zip(&mut files) {
-            *file = std::fs::read(path)
-                .map_err(|error| TileError::Png { name: name.clone(), what: error.to_string() })?;
+            *file =
+                std::fs::read(path).map_err(|error| TileError::Png { name: name.clone(), what: error.to_string() })?;
         }
         Self::from_png_bytes(std::array::from_fn(|tile| (names[tile].as_str(), files[tile].as_slice())))
     }

@@ -36,8 +36,8 @@ const EDGE_MARGIN: f64 = 0.05;
 /// Mean distance to the nearest point over the Poisson radius, for random sets that no further point fits into.
 pub(super) const MEAN_DISTANCE: f64 = 0.46;
 
-/// How many strips are drawn to choose the best from.
-const STRIP_TRIALS: u64 = 24;
+/// How many strips are drawn to choose the best from; fewer for the second octave, which shows less.
+const STRIP_TRIALS: [u64; 2] = [24, 6];
 
 /// How often a whole set is drawn again before generation gives up.
 const SET_TRIALS: u64 = 16;
@@ -81,28 +81,32 @@ impl TilePoints {
     pub fn generate(options: &TileOptions) -> Result<Self, TileError> {
         options.validate()?;
         let steps = f64::from(super::steps_from_resolution(options.resolution_px));
-        let layer = |cells_per_edge: f64, seed: u64| {
+        let layer = |cells_per_edge: f64, seed: u64, trials: u64| {
             let poisson_radius = 1.0 / (SPACING_PER_RADIUS * cells_per_edge);
             // The prefilter reads one texel to each side of an edge.
             let margin = (EDGE_MARGIN * poisson_radius).max(2.2 / steps);
-            PointLayer::generate(poisson_radius, margin, seed)
+            PointLayer::generate(poisson_radius, margin, seed, trials)
         };
         let cells_per_edge = f64::from(options.cells_per_edge);
         let detail_cells = cells_per_edge * f64::from(options.detail.cells_ratio);
         let with_detail = options.detail.is_visible() && detail_cells <= super::max_cells_per_edge(steps);
         let (cells, detail) = rayon::join(
-            || layer(cells_per_edge, options.seed),
-            || with_detail.then(|| layer(detail_cells, options.seed ^ 0x5851_f42d_4c95_7f2d)).transpose(),
+            || layer(cells_per_edge, options.seed, STRIP_TRIALS[0]),
+            || {
+                with_detail
+                    .then(|| layer(detail_cells, options.seed ^ 0x5851_f42d_4c95_7f2d, STRIP_TRIALS[1]))
+                    .transpose()
+            },
         );
         Ok(Self { cells: cells?, detail: detail? })
     }
 }
 
 impl PointLayer {
-    fn generate(poisson_radius: f64, margin: f64, seed: u64) -> Result<Self, TileError> {
+    fn generate(poisson_radius: f64, margin: f64, seed: u64, strip_trials: u64) -> Result<Self, TileError> {
         for trial in 0..SET_TRIALS {
             let mut random = Pcg32::seed_from_u64(seed.wrapping_add(trial.wrapping_mul(0x9e37_79b9_7f4a_7c15)));
-            let strip = Strip::best(poisson_radius, margin, &mut random);
+            let strip = Strip::best(poisson_radius, margin, strip_trials, &mut random);
             let shared = strip.around_tile();
             let seeds: [u64; TILE_COUNT] = std::array::from_fn(|_| random.random());
             let mut tiles: [Vec<FeaturePoint>; TILE_COUNT] = Default::default();
@@ -192,9 +196,9 @@ fn random_tint(random: &mut Pcg32) -> [f64; 2] {
 impl Strip {
     /// Draws several strips and keeps the most inconspicuous: all edges look alike, so they should be neither denser
     /// nor sparser than the rest, neither as a whole nor near the corners, and without holes.
-    fn best(poisson_radius: f64, margin: f64, random: &mut Pcg32) -> Self {
+    fn best(poisson_radius: f64, margin: f64, trials: u64, random: &mut Pcg32) -> Self {
         let first = random.random::<u64>();
-        let strips: Vec<Self> = (0..STRIP_TRIALS)
+        let strips: Vec<Self> = (0..trials)
             .into_par_iter()
             .map(|trial| Self::draw(poisson_radius, margin, &mut Pcg32::seed_from_u64(first.wrapping_add(trial))))
             .collect();
@@ -248,10 +252,9 @@ impl Strip {
             let too_near = |other: DVec2| other.distance_squared(dart) < poisson_radius * poisson_radius;
             let taken = too_near(DVec2::ZERO)
                 || too_near(DVec2::X)
-                || drawn.iter().any(|&point| too_near(point))
-                || images(partner).any(too_near)
-                || images(dart).skip(1).any(too_near)
-                || drawn.iter().any(|&point| images(point).skip(1).any(too_near));
+                || images(partner, poisson_radius).any(too_near)
+                || images(dart, poisson_radius).skip(1).any(too_near)
+                || drawn.iter().any(|&point| images(point, poisson_radius).any(too_near));
             if !taken {
                 drawn.extend([dart, partner]);
             }
@@ -266,7 +269,7 @@ impl Strip {
             let last = ((image.x + 1.1 * poisson_radius) * samples as f64).clamp(0.0, samples as f64) as usize;
             first..=last
         };
-        for image in drawn.iter().flat_map(|&point| images(point)) {
+        for image in drawn.iter().flat_map(|&point| images(point, poisson_radius)) {
             for sample in near_samples(image) {
                 edge_distance[sample] = edge_distance[sample].min(image.distance(place(sample)));
             }
@@ -274,7 +277,7 @@ impl Strip {
         // Only points that are the nearest one somewhere, or nearly, have to be shared. The tiles fill the rest on
         // their own: where the others lay there is room for some point, so no holes are left beside the edge.
         let is_needed = |point: DVec2| {
-            images(point).any(|image| {
+            images(point, poisson_radius).any(|image| {
                 near_samples(image).any(|sample| image.distance(place(sample)) <= edge_distance[sample] + margin)
             })
         };
@@ -295,12 +298,7 @@ impl Strip {
 
     /// Every shared point near a tile: its corners and the strips of all edges that can start at them.
     fn around_tile(&self) -> Vec<FeaturePoint> {
-        let corner = |position| FeaturePoint {
-            position,
-            tint: [0.0; 2],
-            inner_tint: [0.0; 2],
-            shared: true,
-        };
+        let corner = |position| FeaturePoint { position, tint: [0.0; 2], inner_tint: [0.0; 2], shared: true };
         let mut shared: Vec<FeaturePoint> = CORNERS.map(corner).to_vec();
         let mut place = |origin: DVec2, sixths: i32| {
             for point in &self.points {
@@ -339,15 +337,18 @@ impl Strip {
     }
 }
 
-/// A strip point and its images under the turns about both ends of its edge that other edges can bring it to.
-fn images(position: DVec2) -> impl Iterator<Item = DVec2> {
-    (0..6)
-        .map(move |sixths| turned(position, sixths))
-        .chain((1..6).map(move |sixths| DVec2::X + turned(position - DVec2::X, sixths)))
+/// A strip point, and its images under the turns about both ends of its edge that other edges can bring it to. Points
+/// farther than four radii from an end have none that reach the band around the edge.
+fn images(position: DVec2, poisson_radius: f64) -> impl Iterator<Item = DVec2> {
+    let turns = move |corner: DVec2| {
+        let sixths = if position.distance(corner) < 4.0 * poisson_radius { 1..6 } else { 0..0 };
+        sixths.map(move |sixths| corner + turned(position - corner, sixths))
+    };
+    std::iter::once(position).chain(turns(DVec2::ZERO)).chain(turns(DVec2::X))
 }
 
 /// Distance outside the tile's triangle (to the lines through its edges), negative inside.
-fn outside_distance(position: DVec2) -> f64 {
+pub(super) fn outside_distance(position: DVec2) -> f64 {
     (0..3).map(|edge| -EdgeFrame::of_tile_edge(edge).local(position).y).fold(f64::NEG_INFINITY, f64::max)
 }
 

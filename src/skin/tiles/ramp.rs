@@ -83,9 +83,8 @@ impl RampTable {
     const END: f64 = 2.0;
 
     pub(super) fn new(ramp: &ColourRamp) -> Self {
-        let colours = (0..=Self::STEPS)
-            .map(|step| ramp.colour_linear(step as f64 * Self::END / Self::STEPS as f64))
-            .collect();
+        let colours =
+            (0..=Self::STEPS).map(|step| ramp.colour_linear(step as f64 * Self::END / Self::STEPS as f64)).collect();
         Self { colours }
     }
 
@@ -134,9 +133,8 @@ static TABLES: LazyLock<Tables> = LazyLock::new(|| {
     let decode = std::array::from_fn(|value| fixed(value as f64 / 255.0));
     let last: [i32; 256] =
         std::array::from_fn(|value| if value == 255 { i32::MAX } else { fixed((value as f64 + 0.5) / 255.0) });
-    let first_guess = (0..=FIXED_ONE >> 8)
-        .map(|index| last.partition_point(|&limit| limit < index << 8) as u8)
-        .collect();
+    let first_guess =
+        (0..=FIXED_ONE >> 8).map(|index| last.partition_point(|&limit| limit < index << 8) as u8).collect();
     Tables { decode, last, first_guess }
 });
 

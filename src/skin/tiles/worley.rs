@@ -1,6 +1,6 @@
 //! Evaluating a tile: the distance to the nearest feature point (Worley's F1, 1996) and the colour it makes.
 
-use super::points::{CORNERS, FeaturePoint, MEAN_DISTANCE, PointLayer, TILE_HEIGHT, TilePoints};
+use super::points::{CORNERS, FeaturePoint, MEAN_DISTANCE, PointLayer, TILE_HEIGHT, TilePoints, outside_distance};
 use super::ramp::{RampTable, bytes_from_fixed, fixed_from_linear, linear_from_srgb, mix, smooth_step};
 use super::{TILE_COUNT, TileOptions};
 use glam::DVec2;
@@ -24,13 +24,13 @@ pub(super) struct NearestGrid {
 
 impl NearestGrid {
     pub(super) fn new(points: &[FeaturePoint], poisson_radius: f64) -> Self {
-        let side = 0.3 * poisson_radius;
+        let side = 0.35 * poisson_radius;
         let low = DVec2::splat(-MARGIN_PER_RADIUS * poisson_radius);
         let high = DVec2::new(1.0, TILE_HEIGHT) - low;
         let columns = ((high.x - low.x) / side).ceil() as usize;
         let rows = ((high.y - low.y) / side).ceil() as usize;
-        // Every place has a point within a little over one radius; twice the square's half diagonal comes on top.
-        let reach = 2.5 * poisson_radius;
+        // Nearly every place has a point within a little over one radius; the square's diagonal comes on top.
+        let reach = 1.9 * poisson_radius;
         let mut bins: Vec<Vec<u32>> = vec![Vec::new(); columns * rows];
         let bin_range = |from: f64, count: usize| {
             let first = ((from - reach) / side).floor().clamp(0.0, count as f64) as usize;
@@ -51,6 +51,10 @@ impl NearestGrid {
         for row in 0..rows {
             for column in 0..columns {
                 let middle = low + side * DVec2::new(column as f64 + 0.5, row as f64 + 0.5);
+                if outside_distance(middle) > MARGIN_PER_RADIUS * poisson_radius + half_diagonal {
+                    starts.push(candidates.len() as u32);
+                    continue;
+                }
                 let distance = |&index: &u32| points[index as usize].position.distance(middle);
                 let bin = &bins[row * columns + column];
                 let mut nearest = bin.iter().map(distance).fold(f64::INFINITY, f64::min);
@@ -172,8 +176,8 @@ impl<'a> TilePainter<'a> {
             net_linear: options.detail.net_srgb.map(|c| linear_from_srgb(f64::from(c))),
             cells: Octave::new(&points.cells, tile),
             detail: points.detail.as_ref().map(|layer| Octave::new(layer, tile)),
-            wobble: Wobble::new(f64::from(options.wobble) * radius, 1.3 * radius, &mut random),
-            fade_in: (fade_start, fade_start + 0.6 * radius),
+            wobble: Wobble::new(f64::from(options.wobble) * radius, 1.6 * radius, &mut random),
+            fade_in: (fade_start, fade_start + 0.4 * radius),
         }
     }
 
@@ -195,7 +199,12 @@ impl<'a> TilePainter<'a> {
             // Six edges bring six equal strips to every corner, which would show as little stars.
             let to_corner_squared =
                 CORNERS.iter().map(|&corner| corner.distance_squared(place)).fold(f64::INFINITY, f64::min);
-            let share = smooth_step(0.05, 0.4, to_corner_squared.sqrt() / self.cells.poisson_radius);
+            let whole = 0.4 * self.cells.poisson_radius;
+            let share = if to_corner_squared < whole * whole {
+                smooth_step(0.125, 1.0, to_corner_squared.sqrt() / whole)
+            } else {
+                1.0
+            };
             shade += share * f64::from(options.detail.relief) * (fine - MEAN_DISTANCE);
             net = share * f64::from(options.detail.net) * smooth_step(0.4, 0.8, fine);
         }
@@ -205,11 +214,8 @@ impl<'a> TilePainter<'a> {
         let tint = |index: usize| cell.tint[index] + (cell.inner_tint[index] - cell.tint[index]) * inner;
         let (brightness, warmth) = (1.0 + strength * tint(0), 0.2 * strength * tint(1));
         let ramp = self.ramp.colour(shade);
-        let tinted = [
-            ramp[0] * brightness * (1.0 + warmth),
-            ramp[1] * brightness,
-            ramp[2] * brightness * (1.0 - warmth),
-        ];
+        let tinted =
+            [ramp[0] * brightness * (1.0 + warmth), ramp[1] * brightness, ramp[2] * brightness * (1.0 - warmth)];
         mix(tinted, self.net_linear, net)
     }
 }
@@ -251,29 +257,28 @@ fn render(painter: &TilePainter, steps: i32) -> Vec<[u8; 3]> {
             let width = (fine_steps + 5) as usize;
             let first_fine = 2 * rows.start - 2;
             let fine_rows = 2 * (rows.end - 1) + 2 - first_fine + 1;
-            let mut fine = vec![[0; 3]; width * fine_rows as usize];
+            // Four channels, so that one colour is one vector register.
+            let mut fine = vec![[0; 4]; width * fine_rows as usize];
             for row in 0..fine_rows {
                 let j = first_fine + row;
-                for i in -2..=fine_steps - j + 2 {
-                    let colour = painter.colour(
-                        f64::from(i) / f64::from(fine_steps),
-                        f64::from(j) / f64::from(fine_steps),
-                    );
-                    if i + 2 < width as i32 {
-                        fine[row as usize * width + (i + 2) as usize] = fixed_from_linear(colour);
-                    }
+                for i in -2..=fine_steps - j.max(0) + 2 {
+                    let colour =
+                        painter.colour(f64::from(i) / f64::from(fine_steps), f64::from(j) / f64::from(fine_steps));
+                    let [r, g, b] = fixed_from_linear(colour);
+                    fine[row as usize * width + (i + 2) as usize] = [r, g, b, 0];
                 }
             }
             let mut texels = Vec::new();
             for j in rows {
                 for i in 0..=steps - j {
                     let middle = (2 * j - first_fine) * width as i32 + 2 * i + 2;
-                    let mut sum = [32; 3];
+                    let mut sum = [32; 4];
                     for (di, dj, weight) in HEXAGON_WEIGHTS {
                         let colour = fine[(middle + dj * width as i32 + di) as usize];
                         sum = std::array::from_fn(|c| sum[c] + weight * colour[c]);
                     }
-                    texels.push(bytes_from_fixed(sum.map(|s| s >> 6)));
+                    let [r, g, b, _] = sum;
+                    texels.push(bytes_from_fixed([r >> 6, g >> 6, b >> 6]));
                 }
             }
             texels

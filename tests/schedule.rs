@@ -1,0 +1,170 @@
+//! The order of a step: stages, ambiguities, determinism, members of the group.
+
+use crate::support::sphere_organ;
+use bevy::ecs::schedule::{LogLevel, ScheduleBuildSettings};
+use bevy::prelude::*;
+use bevy::render::RenderApp;
+use bevy_surgery::diagnostics::SurgeryDiagnosticsPlugin;
+use bevy_surgery::organ::OrganPlugin;
+use bevy_surgery::prelude::*;
+use bevy_surgery::schedule::SurgerySchedulePlugin;
+use bevy_surgery::skin::SkinPlugin;
+use bevy_surgery::testing::{TestApp, headless_render_plugins};
+use std::collections::BTreeMap;
+
+#[derive(Resource, Default)]
+struct Log(Vec<SurgerySystems>);
+
+#[test]
+fn stages_run_in_their_order() {
+    use SurgerySystems::{Cut, Deform, Flow, Judge, Publish, React, Sense, Touch};
+    let order = [Sense, Touch, Cut, Deform, React, Flow, Judge, Publish];
+    let mut app = TestApp::cpu();
+    app.init_resource::<Log>();
+    // Added back to front, so that the order can only come from the sets.
+    for stage in order.into_iter().rev() {
+        app.add_systems(FixedUpdate, (move |mut log: ResMut<Log>| log.0.push(stage)).in_set(stage));
+    }
+    app.step(2);
+    assert_eq!(app.world().resource::<Log>().0, [order, order].concat());
+}
+
+#[test]
+fn the_step_rate_is_60_hz_unless_set() {
+    let rate = |app: &App| 1.0 / app.world().resource::<Time<Fixed>>().timestep().as_secs_f64();
+    assert!((rate(&TestApp::cpu()) - 60.0).abs() < 1e-3);
+    let mut app = App::new();
+    app.insert_resource(Time::<Fixed>::from_hz(250.0)).add_plugins((MinimalPlugins, SurgerySchedulePlugin::default()));
+    assert!((rate(&app) - 250.0).abs() < 1e-3, "an app's own rate is kept");
+    let mut app = App::new();
+    app.add_plugins((MinimalPlugins, SurgerySchedulePlugin { steps_per_second: Some(120.0) }));
+    assert!((rate(&app) - 120.0).abs() < 1e-3);
+    let mut app = App::new();
+    app.add_plugins((MinimalPlugins, SurgerySchedulePlugin { steps_per_second: None }));
+    assert!((rate(&app) - 64.0).abs() < 1e-6, "Bevy's default is left alone");
+}
+
+#[test]
+fn members_can_be_left_out() {
+    let mut app = App::new();
+    app.add_plugins((MinimalPlugins, AssetPlugin::default()))
+        .add_plugins(SurgeryPlugins.build().disable::<SkinPlugin>().disable::<OrganPlugin>());
+    app.finish();
+    app.cleanup();
+    app.update();
+    assert!(app.world().get_resource::<Assets<OrganModel>>().is_none());
+}
+
+#[test]
+fn public_types_are_registered() {
+    let app = TestApp::cpu();
+    let registry = app.world().resource::<AppTypeRegistry>().read();
+    for name in [
+        "Organ",
+        "OrganShape",
+        "Skin",
+        "OrganPreset",
+        "OrganOptions",
+        "TileSource",
+        "Endoscope",
+        "ScopeLight",
+        "ScopeMask",
+    ] {
+        assert!(registry.get_with_short_type_path(name).is_some(), "{name} is not in the type registry");
+    }
+}
+
+/// How many pairs of systems share data in an order that is left open, per schedule.
+fn ambiguities(app: &mut SubApp) -> BTreeMap<String, usize> {
+    let world = app.world_mut();
+    let labels: Vec<_> = world.resource::<Schedules>().iter().map(|(_, schedule)| schedule.label()).collect();
+    let mut found = BTreeMap::new();
+    for label in labels {
+        world.schedule_scope(label, |world, schedule| {
+            let mut settings: ScheduleBuildSettings = schedule.get_build_settings();
+            settings.ambiguity_detection = LogLevel::Warn;
+            schedule.set_build_settings(settings);
+            schedule.initialize(world).expect("the schedule builds").expect("it was not built before");
+            found.insert(format!("{label:?}"), schedule.graph().conflicting_systems().len());
+        });
+    }
+    found
+}
+
+/// Bevy's plugins with or without ours; both worlds' open orders.
+fn both_worlds(add: impl FnOnce(&mut App)) -> [BTreeMap<String, usize>; 2] {
+    let mut app = App::new();
+    app.add_plugins(headless_render_plugins()).add_plugins(bevy::pbr::PbrPlugin::default());
+    add(&mut app);
+    app.finish();
+    app.cleanup();
+    let main = ambiguities(app.main_mut());
+    let render = app.sub_app_mut(RenderApp);
+    render.init_resource::<bevy::render::MainWorld>();
+    [main, ambiguities(render)]
+}
+
+/// Schedules that have more open orders than Bevy's own.
+fn more_than(bevys: &BTreeMap<String, usize>, ours: &BTreeMap<String, usize>) -> Vec<String> {
+    let own = |label: &String| bevys.get(label).copied().unwrap_or_default();
+    ours.iter()
+        .filter(|(label, count)| **count > own(label))
+        .map(|(label, count)| format!("{label}: {count}"))
+        .collect()
+}
+
+// Which systems they are Bevy tells only with its feature `debug`.
+#[test]
+fn no_order_is_left_open_in_either_world() {
+    let bevys = both_worlds(|_| {});
+    let ours = both_worlds(|app| {
+        app.add_plugins((SurgeryPlugins, SurgeryDiagnosticsPlugin));
+    });
+    for (bevys, ours) in bevys.iter().zip(&ours) {
+        assert_eq!(more_than(bevys, ours), Vec::<String>::new());
+    }
+}
+
+#[test]
+fn an_open_order_is_noticed() {
+    let bevys = both_worlds(|_| {});
+    let ours = both_worlds(|app| {
+        app.add_plugins(SurgeryPlugins).init_resource::<Log>();
+        let clear = |mut log: ResMut<Log>| log.0.clear();
+        let push = |mut log: ResMut<Log>| log.0.push(SurgerySystems::Touch);
+        app.add_systems(FixedUpdate, (clear.in_set(SurgerySystems::Touch), push.in_set(SurgerySystems::Touch)));
+    });
+    assert_eq!(more_than(&bevys[0], &ours[0]), ["FixedUpdate: 1"]);
+}
+
+/// A scene in which everything of this crate moves; returns the bits of its state after 600 steps.
+fn run_600_steps(seed: u64) -> Vec<u32> {
+    let mut app = TestApp::cpu();
+    let organ = app.world_mut().resource_mut::<Assets<OrganModel>>().add(sphere_organ(0.1));
+    app.world_mut().spawn((Organ(organ), Skin { seed, ..Skin::liver() }));
+    app.add_systems(
+        FixedUpdate,
+        (move |time: Res<Time>, mut shapes: Query<&mut OrganShape>| {
+            for mut shape in &mut shapes {
+                for position in shape.move_vertices() {
+                    let wave = (40.0 * position.x + time.elapsed_secs() + seed as f32).sin();
+                    *position *= 1.0 + 0.001 * wave;
+                }
+            }
+        })
+        .in_set(SurgerySystems::Deform),
+    );
+    app.step(600);
+    let mut shapes = app.world_mut().query::<&OrganShape>();
+    let shape = shapes.single(app.world()).expect("one organ");
+    assert_eq!(shape.revision(), 600);
+    let numbers = shape.positions_m().iter().chain(shape.normals());
+    numbers.flat_map(|vector| vector.to_array()).map(f32::to_bits).collect()
+}
+
+#[test]
+fn the_same_inputs_give_the_same_bits() {
+    let first = run_600_steps(7);
+    assert_eq!(first, run_600_steps(7), "two runs in one process differ: something is not deterministic");
+    assert_ne!(first, run_600_steps(8), "the scene does not depend on its seed: this test would see nothing");
+}

@@ -1,0 +1,187 @@
+//! Every WGSL file composes and validates, and Rust lays its structs out as naga does.
+
+use bevy::asset::LoadState;
+use bevy::prelude::*;
+use bevy::render::render_resource::encase::private::ShaderType as _;
+use bevy::render::view::ViewUniform;
+use bevy_surgery::organ::render::{OrganUniform, PrimaryVertex, corner_vertex_layout};
+use bevy_surgery::render::{LightUniform, OrganLights, SHADERS};
+use bevy_surgery::skin::SkinUniform;
+use bevy_surgery::testing::TestApp;
+use bevy_surgery::view::ScopeMaskUniform;
+use naga::valid::{Capabilities, ValidationFlags, Validator};
+use naga_oil::compose::{ComposableModuleDescriptor, Composer, NagaModuleDescriptor, ShaderDefValue};
+use std::collections::HashMap;
+use std::path::Path;
+
+/// All WGSL files below `shaders/`, as paths relative to it.
+fn files_on_disk() -> Vec<String> {
+    fn walk(folder: &Path, found: &mut Vec<String>) {
+        for entry in std::fs::read_dir(folder).expect("a folder of the crate") {
+            let path = entry.expect("an entry").path();
+            if path.is_dir() {
+                walk(&path, found);
+            } else if path.extension().is_some_and(|extension| extension == "wgsl") {
+                let root = concat!(env!("CARGO_MANIFEST_DIR"), "/shaders/");
+                found.push(path.to_string_lossy().trim_start_matches(root).to_string());
+            }
+        }
+    }
+    let mut found = Vec::new();
+    walk(Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/shaders")), &mut found);
+    found.sort();
+    found
+}
+
+/// Bevy's own shader libraries, which ours import: import path and source.
+fn bevy_libraries() -> Vec<(String, String)> {
+    let mut app = TestApp::gpu(16, 16);
+    app.spawn_camera(Transform::default());
+    app.warm_up();
+    let shaders = app.world().resource::<Assets<Shader>>();
+    let libraries = shaders.iter().map(|(_, shader)| (shader.import_path.module_name().to_string(), shader));
+    let mut found: Vec<(String, String)> = libraries
+        .filter(|(name, _)| name.starts_with("bevy_") && !name.starts_with("bevy_surgery"))
+        .map(|(name, shader)| (name, shader.source.as_str().to_string()))
+        .collect();
+    found.sort();
+    found
+}
+
+/// A composer that knows Bevy's libraries and ours.
+fn composer() -> Composer {
+    let mut composer = Composer::default().with_capabilities(Capabilities::all());
+    let mut waiting = bevy_libraries();
+    assert!(!waiting.is_empty(), "Bevy's own libraries were not found");
+    waiting.extend(SHADERS.iter().filter(|s| s.is_library).map(|s| (s.path.to_string(), s.source.to_string())));
+    // In whatever order they need one another; what never fits (a part of Bevy that needs a feature) is left out.
+    loop {
+        let before = waiting.len();
+        waiting.retain(|(path, source)| {
+            let descriptor =
+                ComposableModuleDescriptor { source, file_path: path, shader_defs: definitions(), ..default() };
+            composer.add_composable_module(descriptor).is_err()
+        });
+        if waiting.len() == before {
+            break;
+        }
+    }
+    let ours: Vec<_> = waiting.iter().filter(|(path, _)| SHADERS.iter().any(|shader| shader.path == path)).collect();
+    assert!(
+        ours.is_empty(),
+        "libraries that do not compose: {:?}",
+        ours.iter().map(|(path, _)| path).collect::<Vec<_>>()
+    );
+    composer
+}
+
+fn definitions() -> HashMap<String, ShaderDefValue> {
+    HashMap::from([("TONEMAPPING_PASS".to_string(), ShaderDefValue::Bool(true))])
+}
+
+fn compose(composer: &mut Composer, path: &str, source: &str) -> Result<naga::Module, String> {
+    let descriptor = NagaModuleDescriptor { source, file_path: path, shader_defs: definitions(), ..default() };
+    let module = composer.make_naga_module(descriptor).map_err(|error| error.emit_to_string(composer))?;
+    let mut validator = Validator::new(ValidationFlags::all(), Capabilities::all());
+    validator.validate(&module).map_err(|error| error.emit_to_string(source))?;
+    Ok(module)
+}
+
+#[test]
+fn every_shader_is_embedded() {
+    let on_disk = files_on_disk();
+    assert!(!on_disk.is_empty(), "no WGSL file was found: this test looks in the wrong place");
+    let mut embedded: Vec<&str> = SHADERS.iter().map(|shader| shader.path).collect();
+    embedded.sort_unstable();
+    assert_eq!(embedded, on_disk);
+    for shader in SHADERS {
+        assert_eq!(shader.source.contains("#define_import_path"), shader.is_library, "{}", shader.path);
+    }
+}
+
+#[test]
+fn every_shader_composes_and_validates() {
+    let mut composer = composer();
+    for shader in SHADERS {
+        if let Err(reason) = compose(&mut composer, shader.path, shader.source) {
+            panic!("{}: {reason}", shader.path);
+        }
+    }
+    let wrong = "@fragment fn fragment() -> @location(0) vec4<f32> { return 1.0; }";
+    assert!(compose(&mut composer, "wrong.wgsl", wrong).is_err(), "a wrong shader must not pass");
+}
+
+#[test]
+fn every_shader_loads_in_an_app() {
+    let mut app = TestApp::gpu(16, 16);
+    app.spawn_camera(Transform::default());
+    let assets = app.world().resource::<AssetServer>().clone();
+    let handles: Vec<(_, Handle<Shader>)> =
+        SHADERS.iter().map(|s| (s.path, assets.load(bevy_surgery::render::shader_path(s.path)))).collect();
+    app.idle_until("shaders", |_| !handles.iter().any(|(_, h)| matches!(assets.load_state(h), LoadState::Loading)));
+    for (path, handle) in handles {
+        assert!(matches!(assets.load_state(&handle), LoadState::Loaded), "{path}: {:?}", assets.load_state(&handle));
+    }
+}
+
+/// Size and member offsets of a struct in a composed module. Names of imported structs are decorated.
+fn layout_in(module: &naga::Module, name: &str) -> (u32, Vec<(String, u32)>) {
+    let (_, found) = module
+        .types
+        .iter()
+        .find(|(_, ty)| ty.name.as_deref().is_some_and(|n| n == name || n.starts_with(&format!("{name}X_naga_oil"))))
+        .unwrap_or_else(|| panic!("{name} is in no shader"));
+    let naga::TypeInner::Struct { members, span } = &found.inner else { panic!("{name} is no struct") };
+    let offsets = members.iter().map(|member| (member.name.clone().unwrap_or_default(), member.offset)).collect();
+    (*span, offsets)
+}
+
+macro_rules! assert_layout {
+    ($module:expr, $name:literal, $type:ty) => {{
+        let (size, offsets) = layout_in($module, $name);
+        let rust: Vec<u32> = <$type>::METADATA.extra.offsets.iter().map(|offset| *offset as u32).collect();
+        let wgsl: Vec<u32> = offsets.iter().map(|(_, offset)| *offset).collect();
+        assert_eq!(rust, wgsl, "offsets of {}: {offsets:?}", $name);
+        assert_eq!(<$type>::METADATA.min_size().get() as u32, size, "size of {}", $name);
+    }};
+}
+
+#[test]
+fn rust_and_wgsl_agree_on_every_struct() {
+    let mut composer = composer();
+    let source = |path: &str| SHADERS.iter().find(|shader| shader.path == path).expect("a listed shader").source;
+    let skin = compose(&mut composer, "skin/skin.wgsl", source("skin/skin.wgsl")).expect("composes");
+    let mask = compose(&mut composer, "view/mask.wgsl", source("view/mask.wgsl")).expect("composes");
+    assert_layout!(&skin, "View", ViewUniform);
+    assert_layout!(&skin, "LightUniform", LightUniform);
+    assert_layout!(&skin, "OrganLights", OrganLights);
+    assert_layout!(&skin, "OrganUniform", OrganUniform);
+    assert_layout!(&skin, "SkinUniform", SkinUniform);
+    assert_layout!(&mask, "ScopeMaskUniform", ScopeMaskUniform);
+    let (size, offsets) = layout_in(&skin, "PrimaryVertex");
+    assert_eq!(size as usize, size_of::<PrimaryVertex>());
+    assert_eq!(offsets[0].1 as usize, std::mem::offset_of!(PrimaryVertex, position_m));
+    assert_eq!(offsets[1].1 as usize, std::mem::offset_of!(PrimaryVertex, normal));
+}
+
+#[test]
+fn the_vertex_shader_reads_what_the_buffer_holds() {
+    let mut composer = composer();
+    let shader = SHADERS.iter().find(|shader| shader.path == "skin/skin.wgsl").expect("a listed shader");
+    let module = compose(&mut composer, shader.path, shader.source).expect("composes");
+    let (_, corner) = module
+        .types
+        .iter()
+        .find(|(_, ty)| ty.name.as_deref().is_some_and(|name| name.starts_with("CornerVertex")))
+        .expect("the vertex struct");
+    let naga::TypeInner::Struct { members, .. } = &corner.inner else { panic!("no struct") };
+    let layout = corner_vertex_layout();
+    assert_eq!(layout.array_stride as usize, size_of::<bevy_surgery::organ::render::CornerVertex>());
+    assert_eq!(members.len(), layout.attributes.len());
+    for (member, attribute) in members.iter().zip(&layout.attributes) {
+        let Some(naga::Binding::Location { location, .. }) = member.binding else { panic!("no location") };
+        assert_eq!(location, attribute.shader_location);
+        let bytes = module.types[member.ty].inner.size(module.to_ctx());
+        assert_eq!(u64::from(bytes), attribute.format.size(), "{:?}", member.name);
+    }
+}
