@@ -14,6 +14,7 @@ fn main() -> ExitCode {
     common::main_with(
         "liver",
         |app| {
+            app.insert_resource(ClearColor(Color::srgb(0.2, 0.07, 0.06)));
             app.add_systems(Startup, setup).add_systems(FixedUpdate, turn.in_set(SurgerySystems::Sense));
             if app.world().resource::<Stage>().is_interactive {
                 app.add_plugins(PanOrbitCameraPlugin);
@@ -44,7 +45,7 @@ fn setup(
     let mut scope = commands.spawn((
         Endoscope::default(),
         stage.target.clone(),
-        Transform::from_xyz(0.0, 0.11, 0.2).looking_at(Vec3::new(0.0, -0.01, 0.0), Vec3::Y),
+        Transform::from_xyz(0.0, 0.08, 0.16).looking_at(Vec3::ZERO, Vec3::Y),
     ));
     if stage.is_interactive {
         scope.insert(PanOrbitCamera { zoom_lower_limit: 0.02, zoom_sensitivity: 0.3, ..default() });

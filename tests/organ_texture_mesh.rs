@@ -84,9 +84,7 @@ fn assert_shows_the_surface(mesh: &SurfaceMesh, skin: &SkinMesh) {
             .triangles
             .iter()
             .zip(mesh.neighbours())
-            .flat_map(|(t, n)| {
-                (0..3).filter(move |&k| n[k] == NO_FACE).map(move |k| [t[k], t[(k + 1) % 3]])
-            })
+            .flat_map(|(t, n)| (0..3).filter(move |&k| n[k] == NO_FACE).map(move |k| [t[k], t[(k + 1) % 3]]))
             .collect();
         for ((a, b), _) in open {
             let on = |v: u32, edge: &[u32; 2]| {
@@ -98,10 +96,13 @@ fn assert_shows_the_surface(mesh: &SurfaceMesh, skin: &SkinMesh) {
     }
 }
 
+/// The ends of a texture edge with the bits of a vertex's weights on them.
+type OnSide = [(u32, u32); 3];
+
 /// Tiles: weights are weights, texture vertices are corners, both sides of a texture edge agree to the last bit, and
 /// no sub-triangle that is large enough to have an orientation is flipped.
 fn assert_tiles_fit(mesh: &SurfaceMesh, texture: &TextureMesh, skin: &SkinMesh) {
-    let mut seen: BTreeMap<(u32, u32), Vec<[(u32, u32); 3]>> = BTreeMap::new();
+    let mut seen: BTreeMap<(u32, u32), Vec<OnSide>> = BTreeMap::new();
     let mut shared = 0;
     for corner in &skin.corners {
         let weights = corner.tile_barycentric;
@@ -118,7 +119,10 @@ fn assert_tiles_fit(mesh: &SurfaceMesh, texture: &TextureMesh, skin: &SkinMesh) 
         }
     }
     for ((vertex, _), sides) in &seen {
-        assert!(sides.windows(2).all(|pair| pair[0] == pair[1]), "vertex {vertex} differs between its tiles: {sides:?}");
+        assert!(
+            sides.windows(2).all(|pair| pair[0] == pair[1]),
+            "vertex {vertex} differs between its tiles: {sides:?}"
+        );
         shared += usize::from(sides.len() > 1);
     }
     assert!(shared > 0, "no vertex is shared between tiles");

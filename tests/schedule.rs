@@ -55,25 +55,6 @@ fn members_can_be_left_out() {
     assert!(app.world().get_resource::<Assets<OrganModel>>().is_none());
 }
 
-#[test]
-fn public_types_are_registered() {
-    let app = TestApp::cpu();
-    let registry = app.world().resource::<AppTypeRegistry>().read();
-    for name in [
-        "Organ",
-        "OrganShape",
-        "Skin",
-        "OrganPreset",
-        "OrganOptions",
-        "TileSource",
-        "Endoscope",
-        "ScopeLight",
-        "ScopeMask",
-    ] {
-        assert!(registry.get_with_short_type_path(name).is_some(), "{name} is not in the type registry");
-    }
-}
-
 /// How many pairs of systems share data in an order that is left open, per schedule.
 fn ambiguities(app: &mut SubApp) -> BTreeMap<String, usize> {
     let world = app.world_mut();

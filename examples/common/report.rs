@@ -11,6 +11,10 @@ use std::time::Duration;
 /// What is measured while a run goes on.
 #[derive(Default)]
 pub struct Measures {
+    /// From the start until every organ had its shape.
+    pub organs_ready: Duration,
+    /// Times of frames without organs, and of those with them, drawn in turn; milliseconds.
+    pub with_and_without: [Vec<f64>; 2],
     frames_ms: Vec<f64>,
     uploaded: Vec<f64>,
     spans_ms: BTreeMap<String, Vec<f64>>,
@@ -49,6 +53,10 @@ impl Measures {
                 "median": rounded(quantile(&self.frames_ms, 0.5)),
                 "p95": rounded(quantile(&self.frames_ms, 0.95)),
             },
+            "organs_ready_ms": rounded(self.organs_ready.as_secs_f64() * 1e3),
+            "empty_frame_ms": rounded(quantile(&self.with_and_without[0], 0.5)),
+            "organs_over_empty_ms":
+                rounded(quantile(&self.with_and_without[1], 0.5) - quantile(&self.with_and_without[0], 0.5)),
             "stage_ms": spans("surgery/", ""),
             "pass_ms": spans("render/", "/elapsed_gpu"),
             "pass_encoding_ms": spans("render/", "/elapsed_cpu"),

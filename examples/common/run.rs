@@ -23,6 +23,7 @@ pub struct Stage {
     /// Where cameras draw to.
     pub target: RenderTarget,
     /// Whether a person is there to turn the view.
+    #[allow(dead_code, reason = "not every example can be turned")]
     pub is_interactive: bool,
 }
 
@@ -51,6 +52,7 @@ pub fn main_with(
     }
 }
 
+#[allow(dead_code, reason = "not every example shows one")]
 /// A real mesh of the data folder beside the project, where it is there.
 pub fn real_mesh(name: &str) -> Option<PathBuf> {
     let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../shared/data/mesh").join(name);
@@ -115,8 +117,9 @@ fn run_headless(
     app.insert_resource(Stage { target, is_interactive: false });
     recording::build(&mut app, args)?;
     add(&mut app);
-    app.warm_up();
     let mut measures = Measures::default();
+    wait_for_organs(&mut app, &mut measures);
+    app.warm_up();
     for frame in 0..args.frames {
         let started = Instant::now();
         app.step(1);
@@ -126,6 +129,7 @@ fn run_headless(
             app.capture().save(&file).map_err(|error| format!("{}: {error}", file.display()))?;
         }
     }
+    compare_with_empty(&mut app, &mut measures);
     let adapter = graphics_adapters().first().map_or_else(String::new, |adapter| adapter.name.clone());
     recording::finish(app.world(), args)?;
     let counters = count(app.world_mut());
@@ -145,11 +149,8 @@ fn run_models(
     app.insert_resource(Stage { target: RenderTarget::default(), is_interactive: false });
     recording::build(&mut app, args)?;
     add(&mut app);
-    app.idle_until("organs", |app| {
-        let mut waiting = app.world_mut().query_filtered::<(), (With<Organ>, Without<OrganShape>)>();
-        waiting.iter(app.world()).next().is_none()
-    });
     let mut measures = Measures::default();
+    wait_for_organs(&mut app, &mut measures);
     for _ in 0..args.frames {
         let started = Instant::now();
         app.step(1);
@@ -158,6 +159,33 @@ fn run_models(
     recording::finish(app.world(), args)?;
     let counters = count(app.world_mut());
     write_report(&out, measures.report("none", args.size, counters))
+}
+
+/// Waits until every organ has its shape, and notes how long that took.
+fn wait_for_organs(app: &mut TestApp, measures: &mut Measures) {
+    let started = Instant::now();
+    app.idle_until("organs", |app| {
+        let mut waiting = app.world_mut().query_filtered::<&Organ, Without<OrganShape>>();
+        let waiting: Vec<_> = waiting.iter(app.world()).map(|organ| organ.0.clone()).collect();
+        let assets = app.world().resource::<AssetServer>();
+        // A file that cannot be used never gets a shape; the run goes on to say why.
+        waiting.iter().all(|organ| assets.load_state(organ).is_failed())
+    });
+    measures.organs_ready = started.elapsed();
+}
+
+/// Draws frames with and without the organs in turn, so that both see the same noise of the machine.
+fn compare_with_empty(app: &mut TestApp, measures: &mut Measures) {
+    for round in 0..2 * 25 {
+        let show = if round % 2 == 0 { Visibility::Hidden } else { Visibility::Inherited };
+        for mut visibility in app.world_mut().query_filtered::<&mut Visibility, With<Organ>>().iter_mut(app.world_mut())
+        {
+            *visibility = show;
+        }
+        let started = Instant::now();
+        app.idle();
+        measures.with_and_without[round % 2].push(started.elapsed().as_secs_f64() * 1e3);
+    }
 }
 
 fn folder(args: &Args, name: &str) -> Result<PathBuf, String> {

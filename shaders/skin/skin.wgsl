@@ -12,6 +12,7 @@ struct SkinUniform {
     scatter: f32,
     sheen: f32,
     sheen_exponent: f32,
+    relief_m: f32,
 }
 
 @group(2) @binding(0) var<uniform> skin: SkinUniform;
@@ -82,6 +83,20 @@ fn vertex(corner: CornerVertex) -> Varying {
     return out;
 }
 
+// The normal of a surface that is raised by `height_m` over this one (Mikkelsen 2010, "Bump mapping unparametrized
+// surfaces on the GPU"): the differences to the neighbouring pixels are all that it needs.
+fn raised(normal: vec3<f32>, position_world_m: vec3<f32>, height_m: f32) -> vec3<f32> {
+    let along_x = dpdx(position_world_m);
+    let along_y = dpdy(position_world_m);
+    let across_x = cross(along_y, normal);
+    let across_y = cross(normal, along_x);
+    let area = dot(along_x, across_x);
+    let slope = sign(area) * (dpdxFine(height_m) * across_x + dpdyFine(height_m) * across_y);
+    // At silhouettes the neighbouring pixel lies elsewhere: no cell is steeper than this.
+    let steepest = 0.7 * abs(area) / max(length(slope), 1e-20);
+    return normalize(abs(area) * normal - slope * min(steepest, 1.0));
+}
+
 @fragment
 fn fragment(in: Varying) -> @location(0) vec4<f32> {
     let texel = textureSample(tiles, tiles_sampler, in.tile_uv, in.tile).rgb;
@@ -91,6 +106,8 @@ fn fragment(in: Varying) -> @location(0) vec4<f32> {
     let flat_normal = normalize(in.normal_world);
     // Seen from behind (a mirrored organ, a scope inside it): shade the side that is seen.
     let normal = select(-flat_normal, flat_normal, dot(flat_normal, eye) > -0.2);
+    // Pale septa lie deeper than the lobules between them; the moist surface shows it by its reflections only.
+    let glossy = raised(normal, in.position_world_m, -skin.relief_m * dot(texel, vec3(0.6, 0.3, 0.1)));
     // The shade's edge turns red: long paths through flesh absorb the other colours.
     let wrap = skin.scatter * vec3(1.0, 0.45, 0.35);
     var diffuse = organ.lights.ambient * PI;
@@ -101,7 +118,7 @@ fn fragment(in: Varying) -> @location(0) vec4<f32> {
         let cosine = dot(normal, beam.to_light);
         diffuse += beam.illuminance_lux * (max(vec3(cosine) + wrap, vec3(0.0)) / ((1.0 + wrap) * (1.0 + wrap)) + light.ambient_fraction);
         let halfway = normalize(beam.to_light + eye);
-        let lobe = pow(max(dot(normal, halfway), 0.0), skin.sheen_exponent) * (skin.sheen_exponent + 2.0) * 0.125;
+        let lobe = pow(max(dot(glossy, halfway), 0.0), skin.sheen_exponent) * (skin.sheen_exponent + 2.0) * 0.125;
         let facing = 1.0 - max(dot(eye, halfway), 0.0);
         let fresnel = 0.028 + 0.972 * facing * facing * facing * facing * facing;
         sheen += beam.illuminance_lux * max(cosine, 0.0) * lobe * fresnel;

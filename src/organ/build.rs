@@ -124,7 +124,7 @@ pub enum OrganError {
 }
 
 /// How well the parts of an organ turned out.
-#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, Default, PartialEq, Reflect, Serialize, Deserialize)]
 pub struct OrganReport {
     /// The spherical chart; `None` for an organ with its own texture coordinates.
     pub chart: Option<ChartReport>,
@@ -142,7 +142,7 @@ pub(super) struct BuiltOrgan {
 }
 
 /// Everything that is known of an organ before it moves.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Reflect)]
 pub struct OrganParts {
     /// The surface at rest.
     pub mesh: SurfaceMesh,

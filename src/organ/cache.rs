@@ -2,6 +2,7 @@
 
 use super::build::{BuiltOrgan, OrganOptions};
 use super::mesh::SurfaceMesh;
+use bevy::reflect::Reflect;
 use std::path::{Path, PathBuf};
 use std::time::SystemTime;
 use tracing::warn;
@@ -16,7 +17,7 @@ const MOST_FILES: usize = 64;
 /// The default is the user's cache folder, or the folder that the environment variable `BEVY_SURGERY_CACHE` names;
 /// `off` there switches the cache off. An organ is found by its surface and options, never by its file's name or age,
 /// and a damaged file is made anew.
-#[derive(Clone, Debug, PartialEq, Eq)]
+#[derive(Clone, Debug, PartialEq, Eq, Reflect)]
 pub struct OrganCache {
     folder: Option<PathBuf>,
 }

@@ -44,6 +44,13 @@ impl Plugin for OrganPlugin {
     fn build(&self, app: &mut App) {
         asset::build(app, self.cache.clone());
         shape::build(app);
+        app.register_type::<OrganParts>()
+            .register_type::<OrganCache>()
+            .register_type::<atlas::SurfaceFrame>()
+            .register_type::<clean::CleanReport>()
+            .register_type::<clean::RawMesh>()
+            .register_type::<procedural::ProceduralLiver>()
+            .register_type::<texture_mesh::SecondaryVertices>();
         #[cfg(feature = "render")]
         render::build(app);
     }

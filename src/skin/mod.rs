@@ -43,6 +43,8 @@ pub struct Skin {
     pub sheen: f32,
     /// Roughness of this sheen, 0.1 to 1.
     pub sheen_roughness: f32,
+    /// How far dark texels of the tiles are raised over white ones, metres: it breaks the sheen into glints.
+    pub relief_m: f32,
     /// Chooses tile and rotation for each texture triangle.
     pub seed: u64,
 }
@@ -67,7 +69,12 @@ pub struct SkinPlugin;
 
 impl Plugin for SkinPlugin {
     fn build(&self, app: &mut App) {
-        app.register_type::<Skin>().register_type::<TileSource>().register_type::<OrganPreset>();
+        app.register_type::<Skin>()
+            .register_type::<OrganPreset>()
+            .register_type::<tiles::TileSet>()
+            .register_type::<tiles::TilePoints>()
+            .register_type::<tiles::TileChoice>()
+            .register_type::<tiles::EdgeMismatch>();
         #[cfg(feature = "render")]
         render::build(app);
     }

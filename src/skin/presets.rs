@@ -63,18 +63,19 @@ impl Skin {
         Self {
             tiles: TileSource::Generated(tiles),
             tint: Color::WHITE,
-            mottle: 0.22,
+            mottle: 0.3,
             mottle_size_m: 0.035,
             scatter: 0.18,
             sheen: 1.0,
-            sheen_roughness: 0.42,
+            sheen_roughness: 0.3,
+            relief_m: 0.0009,
             seed: 1,
         }
     }
 
     /// A liver's capsule.
     pub fn liver() -> Self {
-        Self::with_tiles(TileOptions::liver())
+        Self { tint: Color::linear_rgb(0.86, 0.72, 0.7), mottle: 0.36, ..Self::with_tiles(TileOptions::liver()) }
     }
 
     /// A gallbladder.

@@ -15,7 +15,7 @@ use bevy::prelude::*;
     Camera3d,
     Hdr,
     // Needs no lookup texture, keeps reds red and highlights white.
-    Tonemapping::AcesFitted,
+    Tonemapping::SomewhatBoringDisplayTransform,
     // llvmpipe and weak laptops pay for every sample; add `Msaa::Sample4` where there is a GPU.
     Msaa::Off,
     ScopeLight,

@@ -14,7 +14,8 @@ use bevy::prelude::*;
 pub struct ScopeLight {
     /// Colour of the light; xenon and LED sources are slightly warm of white.
     pub colour: Color,
-    /// Luminous intensity on the axis in candela. At Bevy's default exposure 30 cd suit a working distance of 10 cm.
+    /// Luminous intensity on the axis in candela. Dimmed
+    /// laparoscope lamps; the strongest reach 900.
     pub intensity_cd: f32,
     /// Radius of the ring in metres.
     pub ring_radius_m: f32,
@@ -30,11 +31,11 @@ impl Default for ScopeLight {
     fn default() -> Self {
         Self {
             colour: Color::srgb(1.0, 0.97, 0.93),
-            intensity_cd: 60.0,
+            intensity_cd: 80.0,
             ring_radius_m: 0.004,
             inner_angle_rad: 12_f32.to_radians(),
             outer_angle_rad: 58_f32.to_radians(),
-            ambient_fraction: 0.12,
+            ambient_fraction: 0.08,
         }
     }
 }

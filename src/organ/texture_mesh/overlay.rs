@@ -174,12 +174,11 @@ impl Pair<'_> {
                         texture_points[vertex as usize].face = face;
                     }
                 }
-                for side in 0..3 {
-                    let next = self.texture.neighbours[triangle as usize][side];
-                    if crossed[side] && next == NO_FACE {
+                for (next, _) in self.texture.neighbours[triangle as usize].into_iter().zip(crossed).filter(|n| n.1) {
+                    if next == NO_FACE {
                         return Err(Failure::Uncovered);
                     }
-                    if crossed[side] && seen[next as usize] != face {
+                    if seen[next as usize] != face {
                         seen[next as usize] = face;
                         open.push(next);
                     }

@@ -41,7 +41,7 @@ pub fn build_planar(
             0.5 * (b - a).perp_dot(c - a)
         })
         .sum();
-    if !(area_uv > 0.0) {
+    if area_uv.is_nan() || area_uv <= 0.0 {
         return Err(TextureMeshError::InvalidChart);
     }
     let edge_uv = edge_length_m * (area_uv / mesh.area_m2()).sqrt();
@@ -64,7 +64,8 @@ fn lattice(low: DVec2, high: DVec2, edge: f64) -> Option<SphereMesh> {
     let columns = (high.x - low.x) / edge + 5.0;
     let rows = (high.y - low.y) / row + 4.0;
     // The lattice also covers what a concave organ leaves free.
-    if !(columns * rows * 2.0 < 8.0 * f64::from(MOST_TRIANGLES)) {
+    let triangles = columns * rows * 2.0;
+    if !triangles.is_finite() || triangles > 8.0 * f64::from(MOST_TRIANGLES) {
         return None;
     }
     let (columns, rows) = (columns.ceil() as u32, rows.ceil() as u32);

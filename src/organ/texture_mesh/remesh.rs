@@ -17,7 +17,7 @@ const BUMP_ABOVE: f64 = 0.9;
 /// Splitting and collapsing leave edges that are shorter on average than the middle of their thresholds.
 const LENGTH_CORRECTION: f64 = 1.1;
 /// Iterations between looks at how thin the organ is around the vertices.
-const SIZING_EVERY: u32 = 4;
+const SIZING_EVERY: u32 = 6;
 /// Part of the way to the middle of its neighbours that a vertex goes.
 const DAMPING: f64 = 0.8;
 

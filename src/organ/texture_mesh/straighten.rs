@@ -22,7 +22,7 @@ const LONGEST_EDGE: f64 = 0.75;
 
 /// A chart being straightened.
 pub(super) struct Straightener<'a> {
-    pub chart: &'a mut SphereMesh,
+    chart: &'a mut SphereMesh,
     positions_m: &'a [DVec3],
     /// Faces around each vertex, and where each list begins.
     faces: Vec<u32>,
@@ -74,8 +74,8 @@ impl<'a> Straightener<'a> {
             .collect();
         let mut places = Vec::new();
         for _ in 0..sweeps {
-            for vertex in 0..self.chart.directions.len() {
-                if movable[vertex] {
+            for (vertex, &movable) in movable.iter().enumerate() {
+                if movable {
                     self.move_vertex(vertex, texture, &mut triangle_of, &elements, &mut places);
                 }
             }
@@ -237,4 +237,53 @@ fn go(texture: &SphereMesh, start: u32, place: DVec2, along: DVec2) -> (u32, DVe
     let weights = weights.max(DVec3::ZERO);
     let [a, b, c] = texture.corners(triangle);
     (triangle, (a * weights.x + b * weights.y + c * weights.z).normalize())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::{
+        super::walk::{ChartedSurface, tests::sphere},
+        *,
+    };
+
+    #[test]
+    fn going_is_the_inverse_of_unfolding() {
+        let texture = sphere(2);
+        let from = DVec3::new(0.31, 0.52, 0.73).normalize();
+        let start = texture.locate(0, from).face;
+        let here = place_in_tile(&texture, start, from);
+        for to in [DVec3::new(0.3, 0.55, 0.7), DVec3::new(0.5, 0.5, 0.7), DVec3::new(0.2, 0.4, 0.9)] {
+            let place = unfold(&texture, start, from, to.normalize());
+            let (triangle, direction) = go(&texture, start, here, place - here);
+            assert!(direction.distance(to.normalize()) < 0.02, "{direction} for {to}");
+            assert!(texture.contains(triangle, direction));
+        }
+    }
+
+    #[test]
+    fn bent_texture_edges_become_straight() {
+        // A sphere's true chart, with every vertex pushed along the sphere by a wave shorter than a texture edge.
+        let truth = sphere(5);
+        let texture = sphere(1);
+        let mut chart = truth.clone();
+        for direction in &mut chart.directions {
+            *direction = (*direction + DVec3::new(0.0, 0.03 * (16.0 * direction.x).sin(), 0.0)).normalize();
+        }
+        assert!(chart.is_positive());
+        // How much longer the edges' paths are than straight ones.
+        let excess = |chart: &SphereMesh| -> f64 {
+            let surface = ChartedSurface { positions_m: &truth.directions, chart };
+            let mut sum = 0.0;
+            for triangle in &texture.triangles {
+                let [from, to] = [triangle[0], triangle[1]].map(|v| texture.directions[v as usize]);
+                let arc = surface.walk(chart.locate(0, from), from, to);
+                sum += arc.length_m - arc.displacement_m.length();
+            }
+            sum
+        };
+        let before = excess(&chart);
+        Straightener::new(&mut chart, &truth.directions).straighten(&texture, 0.7, 40);
+        assert!(chart.is_positive());
+        assert!(excess(&chart) < 0.3 * before, "{} of {before}", excess(&chart));
+    }
 }

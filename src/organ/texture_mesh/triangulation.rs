@@ -327,3 +327,71 @@ impl Triangulation {
         fine
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use rand::{RngExt, SeedableRng};
+    use rand_pcg::Pcg32;
+
+    fn random_triangulation(vertices: usize) -> Triangulation {
+        let axes = [DVec3::X, DVec3::Y, DVec3::NEG_X, DVec3::NEG_Y, DVec3::Z, DVec3::NEG_Z];
+        let mut random = Pcg32::seed_from_u64(7);
+        let mut triangulation = Triangulation::octahedron([SurfacePoint::default(); 6], axes, 1.0);
+        while triangulation.directions.len() < vertices {
+            let direction = DVec3::from_array(std::array::from_fn(|_| random.random_range(-1.0..1.0))).normalize();
+            let face = triangulation.locate(0, direction).expect("the sphere is covered");
+            triangulation.insert(face, SurfacePoint::default(), direction);
+        }
+        triangulation
+    }
+
+    fn assert_valid(triangulation: &Triangulation) {
+        let sphere = triangulation.sphere();
+        assert!(sphere.is_positive());
+        assert_eq!(sphere.neighbours, mesh::neighbours(&sphere.triangles));
+        for (vertex, &face) in triangulation.triangle_at.iter().enumerate() {
+            assert!(sphere.triangles[face as usize].contains(&(vertex as u32)));
+        }
+        assert_eq!(triangulation.triangles.len() + 4, 2 * triangulation.directions.len());
+    }
+
+    #[test]
+    fn inserted_vertices_are_delaunay_on_the_sphere() {
+        let triangulation = random_triangulation(60);
+        assert_valid(&triangulation);
+        for face in 0..triangulation.triangles.len() as u32 {
+            let [a, b, c] = triangulation.triangles[face as usize].map(|v| triangulation.directions[v as usize]);
+            for &d in &triangulation.directions {
+                assert!((b - a).cross(c - a).dot(d - a) < 1e-9, "a vertex is in another three's circle");
+            }
+        }
+    }
+
+    #[test]
+    fn splits_flips_and_collapses_keep_a_valid_sphere() {
+        let mut triangulation = random_triangulation(60);
+        let mut ring = Vec::new();
+        let mut done = [0; 3];
+        for face in (0..60).step_by(7) {
+            let [a, b, _] = triangulation.triangles[face].map(|v| triangulation.directions[v as usize]);
+            done[0] += usize::from(triangulation.split(face as u32, 0, SurfacePoint::default(), (a + b).normalize()));
+            assert_valid(&triangulation);
+            if triangulation.flipped(face as u32, 1).is_some() {
+                triangulation.flip(face as u32, 1);
+                done[1] += 1;
+                assert_valid(&triangulation);
+            }
+        }
+        for _ in 0..20 {
+            let edge = triangulation.triangles.iter().map(|t| (t[0], t[1])).collect::<Vec<_>>();
+            let found = edge.into_iter().find(|&(kept, gone)| triangulation.can_collapse(kept, gone, &mut ring));
+            if let Some(pair) = found {
+                triangulation.collapse(&[pair]);
+                done[2] += 1;
+                assert_valid(&triangulation);
+            }
+        }
+        assert!(done.iter().all(|&count| count > 3), "{done:?}");
+    }
+}

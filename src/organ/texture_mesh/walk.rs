@@ -172,3 +172,73 @@ impl ChartedSurface<'_> {
 pub(super) fn side_of(mesh: &SphereMesh, face: u32, first: u32) -> usize {
     mesh.triangles[face as usize].iter().position(|&v| v == first).unwrap_or(0)
 }
+
+#[cfg(test)]
+pub(super) mod tests {
+    use super::*;
+    use std::collections::BTreeMap;
+
+    /// An octahedron refined a few times, as the unit sphere.
+    pub fn sphere(levels: u32) -> SphereMesh {
+        let mut directions = vec![DVec3::X, DVec3::Y, DVec3::NEG_X, DVec3::NEG_Y, DVec3::Z, DVec3::NEG_Z];
+        let mut triangles: Vec<[u32; 3]> = (0..4).flat_map(|k| [[k, (k + 1) % 4, 4], [(k + 1) % 4, k, 5]]).collect();
+        for _ in 0..levels {
+            let mut middles = BTreeMap::new();
+            triangles = triangles
+                .iter()
+                .flat_map(|&[a, b, c]| {
+                    let mut middle = |i: u32, j: u32| {
+                        *middles.entry((i.min(j), i.max(j))).or_insert_with(|| {
+                            directions.push((directions[i as usize] + directions[j as usize]).normalize());
+                            directions.len() as u32 - 1
+                        })
+                    };
+                    let (ab, bc, ca) = (middle(a, b), middle(b, c), middle(c, a));
+                    [[a, ab, ca], [b, bc, ab], [c, ca, bc], [ab, bc, ca]]
+                })
+                .collect();
+        }
+        SphereMesh::new(directions, triangles)
+    }
+
+    #[test]
+    fn on_an_octahedron_arcs_and_straight_walks_are_known() {
+        let chart = sphere(0);
+        let positions_m = chart.directions.clone();
+        let surface = ChartedSurface { positions_m: &positions_m, chart: &chart };
+        let centre = SurfacePoint { face: 0, barycentric: DVec3::splat(1.0 / 3.0) };
+        let from = chart.direction(centre);
+        for across in chart.neighbours[0] {
+            let target = SurfacePoint { face: across, barycentric: DVec3::splat(1.0 / 3.0) };
+            let arc = surface.walk(centre, from, chart.direction(target));
+            // From centre to centre over the middle of an edge: twice the inscribed circle's radius.
+            let expected = 2.0 * (1.0f64 / 6.0).sqrt();
+            assert!((arc.length_m - expected).abs() < 1e-12, "{}", arc.length_m);
+            assert!((arc.displacement_m.length() - expected).abs() < 1e-12);
+            let end = surface.go(centre, arc.displacement_m);
+            assert_eq!(end.face, across);
+            assert!(end.barycentric.distance(target.barycentric) < 1e-12);
+        }
+        // Within the face nothing is crossed.
+        let near = SurfacePoint { face: 0, barycentric: DVec3::new(0.5, 0.3, 0.2) };
+        let arc = surface.walk(centre, from, chart.direction(near));
+        assert!((arc.length_m - surface.position_m(near).distance(surface.position_m(centre))).abs() < 1e-12);
+    }
+
+    #[test]
+    fn walking_straight_leads_along_a_great_circle_and_back() {
+        let chart = sphere(5);
+        let positions_m = chart.directions.clone();
+        let surface = ChartedSurface { positions_m: &positions_m, chart: &chart };
+        let start = chart.locate(0, DVec3::new(0.3, 0.5, 0.7).normalize());
+        let from = surface.position_m(start);
+        let along = surface.normal(start.face).cross(DVec3::Z).normalize();
+        let (quarter, on) = surface.go_on(start, along * std::f64::consts::FRAC_PI_2);
+        let off = surface.position_m(quarter).normalize().distance(along);
+        // The facets are 0.05 wide, and each turns the way a little.
+        assert!(off < 0.05, "{off}");
+        assert!(on.normalize().distance(-from.normalize()) < 0.05);
+        let (home, _) = surface.go_on(quarter, on * 3.0);
+        assert!(surface.position_m(home).distance(from) < 0.15);
+    }
+}

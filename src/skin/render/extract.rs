@@ -40,6 +40,7 @@ pub(super) fn extract_skins(
             sheen: skin.sheen,
             // Blinn-Phong exponent of the same lobe width (Karis 2013).
             sheen_exponent: (2.0 / skin.sheen_roughness.clamp(0.05, 1.0).powi(4) - 2.0).max(0.5),
+            relief_m: skin.relief_m,
         },
     }));
     extracted.skins.sort_by_key(|skin| skin.entity);

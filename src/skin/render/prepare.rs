@@ -34,6 +34,8 @@ pub struct SkinUniform {
     pub sheen: f32,
     /// Blinn-Phong exponent of the sheen.
     pub sheen_exponent: f32,
+    /// Height of the cells' relief per unit of the tiles' luminance, metres.
+    pub relief_m: f32,
 }
 
 #[derive(Resource)]

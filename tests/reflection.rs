@@ -1,0 +1,75 @@
+//! Every public data type is reflected and registered, so that inspectors, scenes and remote tools see it.
+
+use bevy::prelude::*;
+use bevy_surgery::testing::TestApp;
+use std::path::Path;
+
+/// Public types that are code rather than data.
+const NOT_DATA: &[(&str, &str)] = &[
+    ("Plugin", "a plugin"),
+    ("Plugins", "a group of plugins"),
+    ("Error", "an error"),
+    ("Fault", "an error"),
+    ("Loader", "an asset loader"),
+    ("SurgerySystems", "a system set"),
+    ("OrganPasses", "a system set"),
+    ("PrepareOrgans", "a system set"),
+    ("TestApp", "the test harness"),
+    ("GpuTarget", "the test harness"),
+    ("GraphicsAdapter", "an answer of the driver, not of the world"),
+    ("EmbeddedShader", "a constant of the crate"),
+    ("SkinTileLibrary", "holds running tasks"),
+];
+
+/// Folders whose types live in the render world, which has no registry.
+const RENDER_WORLD: &[&str] = &["organ/render/", "render/lights.rs", "render/uploads.rs", "skin/render/prepare.rs"];
+
+/// Public types of the sources: name, file, and whether `Reflect` is derived.
+fn public_types(folder: &Path, found: &mut Vec<(String, String, bool)>) {
+    for entry in std::fs::read_dir(folder).expect("a folder of the crate") {
+        let path = entry.expect("an entry").path();
+        if path.is_dir() {
+            public_types(&path, found);
+            continue;
+        }
+        let text = std::fs::read_to_string(&path).expect("a source file");
+        let file = path.to_string_lossy().trim_start_matches(concat!(env!("CARGO_MANIFEST_DIR"), "/src/")).to_string();
+        let mut attributes = String::new();
+        for line in text.lines() {
+            let declared = line.strip_prefix("pub struct ").or_else(|| line.strip_prefix("pub enum "));
+            if let Some(rest) = declared {
+                let name: String = rest.chars().take_while(|c| c.is_alphanumeric()).collect();
+                found.push((name, file.clone(), attributes.contains("Reflect")));
+            }
+            let continues = line.starts_with("#[") || line.starts_with("///") || line.starts_with(' ') || line == ")]";
+            if line.starts_with("#[") || (continues && !line.starts_with("///")) {
+                attributes += line;
+            } else if !continues {
+                attributes.clear();
+            }
+        }
+    }
+}
+
+#[test]
+fn public_types_are_reflected_and_registered() {
+    let mut types = Vec::new();
+    public_types(Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/src")), &mut types);
+    assert!(types.len() > 60, "only {} types were found: this test reads the wrong files", types.len());
+    let app = TestApp::gpu(16, 16);
+    let registry = app.world().resource::<AppTypeRegistry>().read();
+    let mut missing = Vec::new();
+    for (name, file, is_reflected) in types {
+        let is_code = NOT_DATA.iter().any(|(ending, _)| name.ends_with(ending));
+        // Extracted and uniform types are copies of main-world data for one frame.
+        let is_copy = RENDER_WORLD.iter().any(|place| file.starts_with(place))
+            || ["ScopeMaskUniform", "MaskPipelineId"].contains(&name.as_str());
+        if is_code || is_copy {
+            continue;
+        }
+        if !is_reflected || registry.get_with_short_type_path(&name).is_none() {
+            missing.push(format!("{name} ({file}): {}", if is_reflected { "not registered" } else { "not reflected" }));
+        }
+    }
+    assert_eq!(missing, Vec::<String>::new());
+}
