@@ -69,7 +69,12 @@ fn assert_shows_the_surface(mesh: &SurfaceMesh, skin: &SkinMesh) {
     }
     for (face, covered) in covered_m2.iter().enumerate() {
         let whole = mesh.face_area_m2(face as u32);
-        assert!((covered - whole).abs() < 1e-5 * whole, "face {face} is covered {} times", covered / whole);
+        // Single-precision weights shift vertices by some 1e-7 of their distance from the origin.
+        let corners = mesh.corners(face as u32);
+        let perimeter_m: f64 = (0..3).map(|k| corners[k].distance(corners[(k + 1) % 3])).sum();
+        let shift_m = 2e-7 * corners.iter().map(|corner| corner.length()).fold(0.0, f64::max);
+        let allowed = 1e-6 * whole + shift_m * perimeter_m;
+        assert!((covered - whole).abs() < allowed, "face {face} is covered {} times", covered / whole);
     }
     let (covered, whole) = (covered_m2.iter().sum::<f64>(), mesh.area_m2());
     assert!((covered / whole - 1.0).abs() < 1e-6, "{covered} m2 of {whole} m2");

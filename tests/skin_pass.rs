@@ -71,9 +71,9 @@ fn assert_lambert(picture: &RgbaImage, light: &LightUniform, axes: Vec3) {
             _ => (light.position_world_m - point).normalize(),
         };
         let cosine = normal.dot(to_light).max(0.0) + light.ambient_fraction;
-        for channel in 0..3 {
+        for (channel, albedo) in ALBEDO.into_iter().enumerate() {
             let lux = light.illuminance_lux(point)[channel];
-            let facing = linear(ALBEDO[channel]) / PI * lux * exposure;
+            let facing = linear(albedo) / PI * lux * exposure;
             let wanted = (facing * cosine).min(1.0);
             let got = linear(pixel.0[channel]);
             assert!(

@@ -87,5 +87,5 @@ pub fn plain_skin(srgb: [u8; 3]) -> Skin {
         ..default()
     };
     let tiles = TileSource::Generated(tiles);
-    Skin { tiles, mottle: 0.0, scatter: 0.0, sheen: 0.0, relief_m: 0.0, ..Skin::liver() }
+    Skin { tiles, mottle: 0.0, scatter: 0.0, sheen: 0.0, relief_m: 0.0, tint: Color::WHITE, ..Skin::liver() }
 }

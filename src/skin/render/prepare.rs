@@ -86,7 +86,7 @@ pub(super) fn init_pipeline(mut commands: Commands, layouts: Res<OrganLayouts>, 
         ),
     );
     let shader = layer_shader(&assets, "skin/skin.wgsl");
-    let descriptor = organ_pipeline_descriptor("skin_pipeline", &layouts, &[layout.clone()], shader, true);
+    let descriptor = organ_pipeline_descriptor("skin_pipeline", &layouts, std::slice::from_ref(&layout), shader, true);
     commands.insert_resource(SkinPipeline { layout, variants: Variants::new(SkinSpecializer, descriptor) });
 }
 
