@@ -33,14 +33,7 @@ fn setup(
 ) -> Result {
     // Files come in all units: whatever they say, a liver is some 22 cm wide.
     let options = OrganOptions::default().with_largest_extent_m(0.22).centred();
-    let liver = match args.mesh.clone().or_else(|| common::real_mesh("liver-smooth.obj")) {
-        Some(file) => assets
-            .load_builder()
-            .with_settings(move |settings: &mut OrganOptions| *settings = options.clone())
-            .override_unapproved()
-            .load(file),
-        None => models.add(OrganModel::procedural_liver(&options)?),
-    };
+    let liver = common::organ(&args, Some("liver-smooth.obj"), options, &assets, &mut models)?;
     commands.spawn((Organ(liver), Skin { seed: args.seed, ..Skin::liver() }, Patient));
     let mut scope = commands.spawn((
         Endoscope::default(),

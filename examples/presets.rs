@@ -30,14 +30,7 @@ fn setup(
     mut models: ResMut<Assets<OrganModel>>,
 ) -> Result {
     let options = OrganOptions::default().with_largest_extent_m(0.1).centred();
-    let organ = match args.mesh.clone() {
-        Some(file) => assets
-            .load_builder()
-            .with_settings(move |settings: &mut OrganOptions| *settings = options.clone())
-            .override_unapproved()
-            .load(file),
-        None => models.add(OrganModel::procedural_liver(&options)?),
-    };
+    let organ = common::organ(&args, None, options, &assets, &mut models)?;
     for (place, preset) in OrganPreset::ALL.into_iter().enumerate() {
         // Three above, two below.
         let (row, column) = (place / 3, place % 3);

@@ -11,7 +11,7 @@ use bevy_surgery::testing::TestApp;
 use bevy_surgery::view::ScopeMaskUniform;
 use naga::valid::{Capabilities, ValidationFlags, Validator};
 use naga_oil::compose::{ComposableModuleDescriptor, Composer, NagaModuleDescriptor, ShaderDefValue};
-use std::collections::HashMap;
+use std::collections::{BTreeSet, HashMap};
 use std::path::Path;
 
 /// All WGSL files below `shaders/`, as paths relative to it.
@@ -162,6 +162,42 @@ fn rust_and_wgsl_agree_on_every_struct() {
     assert_eq!(size as usize, size_of::<PrimaryVertex>());
     assert_eq!(offsets[0].1 as usize, std::mem::offset_of!(PrimaryVertex, position_m));
     assert_eq!(offsets[1].1 as usize, std::mem::offset_of!(PrimaryVertex, normal));
+}
+
+/// Names of the structs that a module's buffers hold, without what composing adds to them.
+fn buffer_structs(module: &naga::Module) -> BTreeSet<String> {
+    fn collect(module: &naga::Module, ty: naga::Handle<naga::Type>, found: &mut BTreeSet<String>) {
+        let ty = &module.types[ty];
+        match &ty.inner {
+            naga::TypeInner::Struct { members, .. } => {
+                let name = ty.name.clone().unwrap_or_default();
+                found.insert(name.split("X_naga_oil").next().unwrap_or_default().to_string());
+                members.iter().for_each(|member| collect(module, member.ty, found));
+            }
+            naga::TypeInner::Array { base, .. } => collect(module, *base, found),
+            _ => {}
+        }
+    }
+    let mut found = BTreeSet::new();
+    for (_, variable) in module.global_variables.iter() {
+        if matches!(variable.space, naga::AddressSpace::Uniform | naga::AddressSpace::Storage { .. }) {
+            collect(module, variable.ty, &mut found);
+        }
+    }
+    found
+}
+
+#[test]
+fn no_struct_escapes_the_comparison() {
+    let mut composer = composer();
+    let mut found = BTreeSet::new();
+    for shader in SHADERS.iter().filter(|shader| !shader.is_library) {
+        found.extend(buffer_structs(&compose(&mut composer, shader.path, shader.source).expect("composes")));
+    }
+    // `ColorGrading` is a part of Bevy's `View`, whose size is compared.
+    let compared = ["ColorGrading", "LightUniform", "OrganLights", "OrganUniform", "PrimaryVertex", "ScopeMaskUniform"];
+    let compared: BTreeSet<String> = compared.into_iter().chain(["SkinUniform", "View"]).map(String::from).collect();
+    assert_eq!(found, compared, "add new structs to `rust_and_wgsl_agree_on_every_struct` and to this list");
 }
 
 #[test]

@@ -1,15 +1,21 @@
 //! The skin pass against closed forms, and beside the rest of a Bevy scene.
 
-use crate::support::{plain_skin, sphere_mesh, sphere_organ};
+use crate::support::{plain_skin, real_file, sphere_mesh, sphere_organ};
 use bevy::camera::visibility::RenderLayers;
 use bevy::camera::{Exposure, Hdr, RenderTarget, Viewport};
 use bevy::core_pipeline::tonemapping::Tonemapping;
 use bevy::light::GlobalAmbientLight;
 use bevy::pbr::PbrPlugin;
 use bevy::prelude::*;
+use bevy_surgery::organ::ChartKind;
+use bevy_surgery::organ::clean::{Topology, Weld};
+use bevy_surgery::organ::load::{LoadOptions, MeshUnit};
+use bevy_surgery::organ::procedural::{ProceduralLiver, procedural_liver};
 use bevy_surgery::organ::texture_mesh::TextureMeshOptions;
 use bevy_surgery::prelude::*;
 use bevy_surgery::render::{LightUniform, MAX_SCENE_LIGHTS, SceneLight, SceneLights, strongest_lights};
+use bevy_surgery::skin::TileSource;
+use bevy_surgery::skin::tiles::{TileOptions, TileSet};
 use bevy_surgery::testing::TestApp;
 use image::RgbaImage;
 use std::f32::consts::PI;
@@ -366,4 +372,102 @@ fn the_gpu_places_secondary_vertices_where_the_cpu_does() {
     let worst =
         pictures[0].pixels().zip(pictures[1].pixels()).filter(|(a, b)| (0..3).any(|k| a.0[k].abs_diff(b.0[k]) > 3));
     assert!(worst.count() <= 4, "the skin changed the shape");
+}
+
+#[test]
+fn painted_tiles_look_like_the_generated_ones_they_were_saved_from() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let options = TileOptions { resolution_px: 128, cells_per_edge: 8.0, ..TileOptions::liver() };
+    let tiles = TileSet::generate(&options).expect("sensible options");
+    let files = tiles.save_png(folder.path(), "skin").expect("a folder of ours");
+    let painted = TileSource::Painted(files.map(|file| file.to_string_lossy().to_string()));
+    let pictures = [TileSource::Generated(options), painted].map(|tiles| {
+        let (mut app, organ) = sphere_app();
+        flood(&mut app);
+        app.world_mut().entity_mut(organ).insert(Skin { tiles, ..Skin::liver() });
+        app.capture()
+    });
+    assert_eq!(pictures[0], pictures[1]);
+}
+
+#[test]
+fn changing_a_skin_is_seen() {
+    let (mut app, organ) = sphere_app();
+    flood(&mut app);
+    let before = app.capture();
+    app.world_mut().entity_mut(organ).insert(plain_skin([40, 180, 60]));
+    let centre = app.capture().get_pixel(SIZE / 2, SIZE / 2).0;
+    assert!(centre[1] > centre[0], "other tiles: {centre:?}");
+    app.world_mut().entity_mut(organ).insert(plain_skin(ALBEDO));
+    assert_eq!(app.capture(), before, "and back again");
+    app.world_mut().get_mut::<Skin>(organ).expect("a skin").tint = Color::linear_rgb(0.5, 0.5, 0.5);
+    let dimmed = app.capture();
+    let [full, half] = [&before, &dimmed].map(|picture| linear(picture.get_pixel(SIZE / 2, SIZE / 2).0[0]));
+    assert!((half - 0.5 * full).abs() < 0.01, "{full} became {half}");
+}
+
+#[test]
+fn an_open_organ_with_its_own_coordinates_shows_both_sides() {
+    let Some(file) = real_file("mesh/spleen-parts.glb") else { return };
+    for turn in [0.0, PI] {
+        let (mut app, organ) = sphere_app();
+        app.world_mut().entity_mut(organ).despawn();
+        let load = LoadOptions {
+            unit: MeshUnit::LargestExtent(0.25),
+            node: Some("VH_M_diaphragmatic_surface_of_spleen".into()),
+            weld: Weld::ByPositionAndUv,
+            topology: Topology::Any,
+        };
+        let options = OrganOptions { load, chart: ChartKind::OwnUvs, ..default() }.centred();
+        let handle = app
+            .world()
+            .resource::<AssetServer>()
+            .load_builder()
+            .with_settings(move |settings: &mut OrganOptions| *settings = options.clone())
+            .override_unapproved()
+            .load(file.clone());
+        let turned = Transform::from_rotation(Quat::from_rotation_y(turn));
+        app.world_mut().spawn((Organ(handle), plain_skin(ALBEDO), turned));
+        app.insert_resource(GlobalAmbientLight { brightness: 400.0, ..default() });
+        let picture = app.capture();
+        let seen = picture.pixels().filter(|pixel| is_skin(pixel.0)).count();
+        assert!(seen > 800, "turned by {turn} the surface covers {seen} pixels");
+    }
+}
+
+/// Golden pictures are made by running with `BEVY_SURGERY_BLESS=1`; look at them before keeping them.
+#[test]
+fn the_liver_looks_as_it_did() {
+    let mut app = TestApp::gpu(96, 72);
+    app.insert_resource(ClearColor(Color::srgb_u8(30, 34, 40)));
+    let options = OrganOptions { table_width_px: 64, ..default() };
+    let mesh = procedural_liver(&ProceduralLiver::default());
+    let model = OrganModel::from_mesh(mesh, "liver", &options).expect("the crate's own liver");
+    let organ = app.world_mut().resource_mut::<Assets<OrganModel>>().add(model);
+    app.world_mut().spawn((Organ(organ), Skin::liver()));
+    let target = RenderTarget::Image(app.target().image.into());
+    let view = Transform::from_xyz(0.0, 0.1, 0.2).looking_at(Vec3::ZERO, Vec3::Y);
+    app.world_mut().spawn((Endoscope::default(), target, view));
+    let picture = app.capture();
+    let file = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/golden/liver.png");
+    if std::env::var_os("BEVY_SURGERY_BLESS").is_some() {
+        picture.save(file).expect("a folder of the crate");
+    }
+    let golden = image::open(file).expect("a golden picture").to_rgba8();
+    let difference = mean_difference(&picture, &golden);
+    // Drivers round differently; a wrong light, colour, shape or pattern differs by far more.
+    if difference > 0.7 {
+        let seen = std::env::temp_dir().join("bevy_surgery-liver-seen.png");
+        let _ = picture.save(&seen);
+        panic!("the picture differs by {difference} of 255 on average; see {}", seen.display());
+    }
+    let mut darker = golden.clone();
+    darker.pixels_mut().for_each(|pixel| pixel.0[0] = (f32::from(pixel.0[0]) * 0.9) as u8);
+    assert!(mean_difference(&darker, &golden) > 0.7, "a tenth less red would pass");
+}
+
+fn mean_difference(a: &RgbaImage, b: &RgbaImage) -> f64 {
+    assert_eq!(a.dimensions(), b.dimensions());
+    let sum: u64 = a.iter().zip(b.iter()).map(|(a, b)| u64::from(a.abs_diff(*b))).sum();
+    sum as f64 / (f64::from(a.width()) * f64::from(a.height()) * 3.0)
 }

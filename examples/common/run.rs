@@ -2,7 +2,7 @@
 
 use super::args::{Args, Backend};
 use super::{recording, report::Measures};
-use bevy::asset::UnapprovedPathMode;
+use bevy::asset::{LoadState, UnapprovedPathMode};
 use bevy::camera::RenderTarget;
 use bevy::pbr::PbrPlugin;
 use bevy::prelude::*;
@@ -15,6 +15,7 @@ use clap::Parser;
 use serde_json::{Map, Value};
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
+use std::sync::{Arc, Mutex, PoisonError};
 use std::time::Instant;
 
 /// How a run is shown, for an example's `setup`.
@@ -52,11 +53,22 @@ pub fn main_with(
     }
 }
 
-#[allow(dead_code, reason = "not every example shows one")]
-/// A real mesh of the data folder beside the project, where it is there.
-pub fn real_mesh(name: &str) -> Option<PathBuf> {
-    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../shared/data/mesh").join(name);
-    path.canonicalize().ok()
+/// The organ of the arguments; otherwise a real one of the data folder beside the project, where it is there;
+/// otherwise the liver that ships with the crate.
+pub fn organ(
+    args: &Args,
+    real: Option<&str>,
+    options: OrganOptions,
+    assets: &AssetServer,
+    models: &mut Assets<OrganModel>,
+) -> Result<Handle<OrganModel>> {
+    let beside =
+        |name| Path::new(env!("CARGO_MANIFEST_DIR")).join("../shared/data/mesh").join(name).canonicalize().ok();
+    let Some(file) = args.mesh.clone().or_else(|| real.and_then(beside)) else {
+        return Ok(models.add(OrganModel::procedural_liver(&options)?));
+    };
+    let with_options = move |settings: &mut OrganOptions| *settings = options.clone();
+    Ok(assets.load_builder().with_settings(with_options).override_unapproved().load(file))
 }
 
 /// Whether a window can be opened: on Linux, whether an X server answers at `DISPLAY`.
@@ -94,10 +106,25 @@ fn run_window(args: &Args, name: &str, add: impl FnOnce(&mut App)) -> Result<(),
             error!("{reason}");
         }
     });
+    let failed: Arc<Mutex<Option<String>>> = default();
+    let slot = failed.clone();
+    app.add_systems(
+        Update,
+        move |assets: Res<AssetServer>,
+              organs: Query<&Organ, Without<OrganShape>>,
+              mut exit: MessageWriter<AppExit>| {
+            if let Some(reason) = failed_organ(&assets, organs.iter().map(|organ| organ.0.clone())) {
+                slot.lock().unwrap_or_else(PoisonError::into_inner).replace(reason);
+                exit.write(AppExit::error());
+            }
+        },
+    );
     add(&mut app);
-    match app.run() {
-        AppExit::Success => Ok(()),
-        AppExit::Error(code) => Err(format!("stopped with code {code}; the log above says why")),
+    let exit = app.run();
+    match (failed.lock().unwrap_or_else(PoisonError::into_inner).take(), exit) {
+        (Some(reason), _) => Err(reason),
+        (None, AppExit::Success) => Ok(()),
+        (None, AppExit::Error(code)) => Err(format!("stopped with code {code}; the log above says why")),
     }
 }
 
@@ -118,7 +145,7 @@ fn run_headless(
     recording::build(&mut app, args)?;
     add(&mut app);
     let mut measures = Measures::default();
-    wait_for_organs(&mut app, &mut measures);
+    wait_for_organs(&mut app, &mut measures)?;
     app.warm_up();
     for frame in 0..args.frames {
         let started = Instant::now();
@@ -150,7 +177,7 @@ fn run_models(
     recording::build(&mut app, args)?;
     add(&mut app);
     let mut measures = Measures::default();
-    wait_for_organs(&mut app, &mut measures);
+    wait_for_organs(&mut app, &mut measures)?;
     for _ in 0..args.frames {
         let started = Instant::now();
         app.step(1);
@@ -161,17 +188,27 @@ fn run_models(
     write_report(&out, measures.report("none", args.size, counters))
 }
 
+/// Why an organ's file could not be used, if one could not.
+fn failed_organ(assets: &AssetServer, organs: impl IntoIterator<Item = Handle<OrganModel>>) -> Option<String> {
+    organs.into_iter().find_map(|organ| match assets.load_state(&organ) {
+        LoadState::Failed(error) => Some(error.to_string()),
+        _ => None,
+    })
+}
+
 /// Waits until every organ has its shape, and notes how long that took.
-fn wait_for_organs(app: &mut TestApp, measures: &mut Measures) {
+fn wait_for_organs(app: &mut TestApp, measures: &mut Measures) -> Result<(), String> {
     let started = Instant::now();
+    let mut failed = None;
     app.idle_until("organs", |app| {
         let mut waiting = app.world_mut().query_filtered::<&Organ, Without<OrganShape>>();
         let waiting: Vec<_> = waiting.iter(app.world()).map(|organ| organ.0.clone()).collect();
-        let assets = app.world().resource::<AssetServer>();
-        // A file that cannot be used never gets a shape; the run goes on to say why.
-        waiting.iter().all(|organ| assets.load_state(organ).is_failed())
+        let is_done = waiting.is_empty();
+        failed = failed_organ(app.world().resource::<AssetServer>(), waiting);
+        is_done || failed.is_some()
     });
     measures.organs_ready = started.elapsed();
+    failed.map_or(Ok(()), Err)
 }
 
 /// Draws frames with and without the organs in turn, so that both see the same noise of the machine.

@@ -8,6 +8,8 @@ use bevy::asset::{AssetLoader, AssetPath, LoadContext};
 use bevy::prelude::*;
 use bevy::reflect::TypePath;
 use std::collections::BTreeMap;
+use std::time::Instant;
+use tracing::info;
 
 /// Loads an [`OrganModel`] from OBJ, STL, PLY, glTF or GLB.
 ///
@@ -60,7 +62,11 @@ impl AssetLoader for OrganModelLoader {
                 }
             });
             let Some(name) = asked else {
-                return OrganModel::from_mesh_cached(parsed?.0, &file, options, &self.cache);
+                let (mesh, cleaned) = parsed?;
+                let started = Instant::now();
+                let model = OrganModel::from_mesh_cached(mesh, &file, options, &self.cache)?;
+                info!("{file}: {} after {:.2} s; {cleaned:?}", model.describe(), started.elapsed().as_secs_f32());
+                return Ok(model);
             };
             let fetched = fetch(context, &path, &name).await;
             siblings.insert(name, fetched);

@@ -216,6 +216,30 @@ impl OrganModel {
         Ok(Self(Arc::new(OrganParts { mesh, atlas, table, texture_mesh, skin_mesh, report })))
     }
 
+    /// What it is made of, in a line for the log: sizes, how it was charted and where the chart's poles went.
+    pub fn describe(&self) -> String {
+        let sizes = format!(
+            "{} faces, {} texture triangles, {} skin triangles",
+            self.mesh.triangles.len(),
+            self.report.texture_mesh.triangles,
+            self.report.texture_mesh.overlay_triangles
+        );
+        match &self.report.chart {
+            None => format!("{sizes}, its own texture coordinates"),
+            Some(chart) => format!(
+                "{sizes}, chart {:?} with area ratios {:.2} to {:.2}, poles at {:.3} m (facing {:.2}) and {:.3} m \
+                 (facing {:.2}), away from where instruments come from",
+                chart.method,
+                chart.distortion.area_p1,
+                chart.distortion.area_p99,
+                chart.north.position_m,
+                chart.north.normal,
+                chart.south.position_m,
+                chart.south.normal
+            ),
+        }
+    }
+
     /// The liver that ships with the crate: smooth, two-lobed, not star-shaped, some 22 cm wide.
     ///
     /// # Errors

@@ -10,7 +10,8 @@ use bevy::prelude::*;
 /// [`OrganShape`] is added once the model is loaded. Add a [`Skin`](crate::skin::Skin) to see it.
 #[derive(Component, Clone, Debug, Default, PartialEq, Reflect)]
 #[reflect(Component, Default, Clone)]
-#[require(Transform, Visibility)]
+#[require(Transform)]
+#[cfg_attr(feature = "render", require(Visibility))]
 pub struct Organ(pub Handle<OrganModel>);
 
 /// The organ's primary vertices as they are now, in the organ's space.

@@ -20,7 +20,6 @@ mod remesh;
 mod report;
 mod sample;
 mod secondary;
-mod serial;
 mod sizing;
 mod straighten;
 mod stretch;
@@ -146,11 +145,9 @@ pub enum TextureMeshError {
 pub struct TextureMesh {
     /// Where each texture vertex lies on the geometric mesh. With [`build_planar`], vertices off the organ have the
     /// face [`super::mesh::NO_FACE`].
-    #[serde(with = "serial::surface_points")]
     pub vertices: Vec<SurfacePoint>,
     /// The triangulation of these vertices, with their directions in the organ's chart. On the surface its edges run
     /// as straight as the overlay could make them, which is not exactly along the arcs between these directions.
-    #[serde(with = "serial::sphere_mesh")]
     pub triangulation: SphereMesh,
     /// The edge length that was aimed at, metres.
     pub edge_length_m: f32,

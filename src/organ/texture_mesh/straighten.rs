@@ -10,7 +10,7 @@ use super::{
     super::sphere::SphereMesh,
     stretch::{Element, MIPS_ONLY},
     tile_coords::{tile_corners, tile_weights},
-    walk::side_of,
+    walk::{side_of, way_out},
 };
 use glam::{DVec2, DVec3};
 
@@ -204,18 +204,7 @@ fn go(texture: &SphereMesh, start: u32, place: DVec2, along: DVec2) -> (u32, DVe
     let mut rest = tile_weights(place + along) - weights;
     let mut entered_by = usize::MAX;
     for _ in 0..64 {
-        let mut share = 1.0;
-        let mut exit = None;
-        for k in 0..3 {
-            let opposite = (k + 1) % 3;
-            if rest[k] < 0.0 && opposite != entered_by {
-                let until = (weights[k] / -rest[k]).max(0.0);
-                if until < share {
-                    share = until;
-                    exit = Some(opposite);
-                }
-            }
-        }
+        let (share, exit) = way_out(weights, rest, entered_by);
         weights += rest * share;
         let Some(exit) = exit else { break };
         rest *= 1.0 - share;

@@ -125,19 +125,7 @@ impl ChartedSurface<'_> {
             let rate = DVec3::from_array(std::array::from_fn(|k| {
                 scaled_normal.cross(corners[(k + 2) % 3] - corners[(k + 1) % 3]).dot(rest) / square
             }));
-            let mut share = 1.0;
-            let mut exit = None;
-            for k in 0..3 {
-                // The side opposite corner k; the one just entered through cannot be the way out.
-                let opposite = (k + 1) % 3;
-                if rate[k] < 0.0 && opposite != entered_by {
-                    let until = (weights[k] / -rate[k]).max(0.0);
-                    if until < share {
-                        share = until;
-                        exit = Some(opposite);
-                    }
-                }
-            }
+            let (share, exit) = way_out(weights, rate, entered_by);
             weights += rate * share;
             let Some(exit) = exit else { break };
             let next = self.chart.neighbours[face as usize][exit];
@@ -171,6 +159,26 @@ impl ChartedSurface<'_> {
 /// The side of a face that begins at a vertex.
 pub(super) fn side_of(mesh: &SphereMesh, face: u32, first: u32) -> usize {
     mesh.triangles[face as usize].iter().position(|&v| v == first).unwrap_or(0)
+}
+
+/// How much of a step through a triangle is taken before it leaves, and the side it leaves by; all of it and no side
+/// where it ends inside. `rate` is what the whole step adds to the weights of the corners.
+///
+/// The side that was just entered through cannot be the way out, whatever rounding says.
+pub(super) fn way_out(weights: DVec3, rate: DVec3, entered_by: usize) -> (f64, Option<usize>) {
+    let mut share = 1.0;
+    let mut exit = None;
+    for corner in 0..3 {
+        let opposite = (corner + 1) % 3;
+        if rate[corner] < 0.0 && opposite != entered_by {
+            let until = (weights[corner] / -rate[corner]).max(0.0);
+            if until < share {
+                share = until;
+                exit = Some(opposite);
+            }
+        }
+    }
+    (share, exit)
 }
 
 #[cfg(test)]
