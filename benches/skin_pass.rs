@@ -1,6 +1,6 @@
 //! The skin pass at 800x600 beside an empty Bevy scene and Bevy's own material on the same surface.
 //!
-//! The four scenes take turns frame by frame, so that a machine that slows down slows all of them; Criterion then sees
+//! The three scenes take turns frame by frame, so that a machine that slows down slows all of them; Criterion then sees
 //! the time of one of them per bench.
 
 use bevy::asset::RenderAssetUsages;

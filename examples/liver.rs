@@ -1,13 +1,14 @@
 //! A liver under the endoscope: real where one is at hand, otherwise the one that ships with the crate.
 //!
-//! Drag with the left button to turn it, with the right to move, scroll to come closer.
+//! Drag with the left button to turn it, with the right to move, scroll to come closer; Escape ends.
 
 mod common;
 
 use bevy::prelude::*;
 use bevy_panorbit_camera::{PanOrbitCamera, PanOrbitCameraPlugin};
+use bevy_surgery::organ::procedural_ellipsoid;
 use bevy_surgery::prelude::*;
-use common::{Args, Stage};
+use common::{Args, Stage, Viewer};
 use std::process::ExitCode;
 
 fn main() -> ExitCode {
@@ -16,7 +17,7 @@ fn main() -> ExitCode {
         |app| {
             app.insert_resource(ClearColor(Color::srgb(0.2, 0.07, 0.06)));
             app.add_systems(Startup, setup).add_systems(FixedUpdate, turn.in_set(SurgerySystems::Sense));
-            if app.world().resource::<Stage>().is_interactive {
+            if app.world().resource::<Stage>().viewer == Viewer::Person {
                 app.add_plugins(PanOrbitCameraPlugin);
             }
         },
@@ -35,12 +36,16 @@ fn setup(
     let options = OrganOptions::default().with_largest_extent_m(0.22).centred();
     let liver = common::organ(&args, Some("liver-smooth.obj"), options, &assets, &mut models)?;
     commands.spawn((Organ(liver), Skin { seed: args.seed, ..Skin::liver() }, Patient));
+    // The wall of the abdomen round it: the same kind of organ, hollow and seen from inside.
+    let wall = procedural_ellipsoid(Vec3::new(0.26, 0.24, 0.26), 12);
+    let wall = OrganModel::from_mesh_cached(wall, "abdominal wall", &OrganOptions::default(), &default())?;
+    commands.spawn((Organ(models.add(wall)), Hollow, Skin { seed: args.seed, ..Skin::mucosa() }));
     let mut scope = commands.spawn((
         Endoscope::default(),
         stage.target.clone(),
-        Transform::from_xyz(0.0, 0.08, 0.16).looking_at(Vec3::ZERO, Vec3::Y),
+        Transform::from_xyz(0.0, 0.09, 0.18).looking_at(Vec3::ZERO, Vec3::Y),
     ));
-    if stage.is_interactive {
+    if stage.viewer == Viewer::Person {
         scope.insert(PanOrbitCamera { zoom_lower_limit: 0.02, zoom_sensitivity: 0.3, ..default() });
     }
     Ok(())
@@ -52,7 +57,7 @@ struct Patient;
 
 /// Turns the organ slowly where nobody is there to do so.
 fn turn(stage: Res<Stage>, mut organs: Query<&mut Transform, With<Patient>>) {
-    for mut transform in organs.iter_mut().filter(|_| !stage.is_interactive) {
+    for mut transform in organs.iter_mut().filter(|_| stage.viewer == Viewer::Nobody) {
         transform.rotate_y(0.01);
     }
 }

@@ -18,7 +18,7 @@ const STAGES: [(SurgerySystems, DiagnosticPath); 8] = [
 
 /// Measures every stage of [`SurgerySystems`] in milliseconds, under `surgery/<stage>` in Bevy's `DiagnosticsStore`.
 ///
-/// Not in [`SurgeryPlugins`](crate::SurgeryPlugins), because it makes the stages wait for one another.
+/// Not in [`SurgeryPlugins`](crate::SurgeryPlugins): add it where the times are wanted.
 pub struct SurgeryDiagnosticsPlugin;
 
 /// When each stage began, and when the last one ended.

@@ -38,7 +38,7 @@ pub mod view;
 /// What a scene needs, in one import.
 pub mod prelude {
     pub use crate::SurgeryPlugins;
-    pub use crate::organ::{Organ, OrganModel, OrganOptions, OrganShape, SurfacePoint};
+    pub use crate::organ::{Hollow, Organ, OrganModel, OrganOptions, OrganShape, SurfacePoint};
     pub use crate::schedule::SurgerySystems;
     pub use crate::skin::{OrganPreset, Skin};
     #[cfg(feature = "render")]

@@ -41,16 +41,11 @@ pub enum SurgerySystems {
 /// Chains [`SurgerySystems`] in [`FixedUpdate`] and sets the step rate.
 ///
 /// Members of the same stage are ordered among themselves by their own plugins.
+#[derive(Default)]
 pub struct SurgerySchedulePlugin {
-    /// Steps per second. `None` leaves the app's own `Time<Fixed>` alone. Without a value of yours, Bevy's default
-    /// of 64 Hz becomes 60 Hz, and any other rate that the app has set already is kept.
+    /// Steps per second. With `None`, the default, a rate that the app has set before is kept, and Bevy's own
+    /// default of 64 Hz becomes 60 Hz.
     pub steps_per_second: Option<f64>,
-}
-
-impl Default for SurgerySchedulePlugin {
-    fn default() -> Self {
-        Self { steps_per_second: Some(60.0) }
-    }
 }
 
 impl Plugin for SurgerySchedulePlugin {
@@ -59,9 +54,8 @@ impl Plugin for SurgerySchedulePlugin {
         app.configure_sets(FixedUpdate, (Sense, Touch, Cut, Deform, React, Flow, Judge, Publish).chain());
         let bevys_own = Time::<Fixed>::default().timestep();
         let current = app.world().get_resource::<Time<Fixed>>().map(Time::<Fixed>::timestep);
-        if let Some(hz) = self.steps_per_second
-            && current.is_none_or(|timestep| timestep == bevys_own)
-        {
+        let is_unset = current.is_none_or(|timestep| timestep == bevys_own);
+        if let Some(hz) = self.steps_per_second.or(is_unset.then_some(60.0)) {
             app.insert_resource(Time::<Fixed>::from_hz(hz));
         }
     }

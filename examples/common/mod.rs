@@ -8,4 +8,4 @@ mod run;
 #[allow(unused_imports, reason = "not every example uses every part")]
 pub use args::{Args, Backend};
 #[allow(unused_imports, reason = "not every example uses every part")]
-pub use run::{Stage, main_with, organ};
+pub use run::{Stage, Viewer, main_with, organ};

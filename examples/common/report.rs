@@ -26,7 +26,7 @@ impl Measures {
         self.frames_ms.push(frame.as_secs_f64() * 1e3);
         let render = app.get_sub_app(RenderApp);
         if let Some(bytes) = render.and_then(|render| render.world().get_resource::<UploadedBytes>()) {
-            self.uploaded.push(bytes.0 as f64);
+            self.uploaded.push(bytes.total() as f64);
         }
         let Some(store) = app.world().get_resource::<DiagnosticsStore>() else { return };
         for diagnostic in store.iter() {

@@ -7,6 +7,7 @@ use bevy::camera::RenderTarget;
 use bevy::pbr::PbrPlugin;
 use bevy::prelude::*;
 use bevy::render::diagnostic::RenderDiagnosticsPlugin;
+use bevy::render::renderer::RenderAdapterInfo;
 use bevy_surgery::diagnostics::SurgeryDiagnosticsPlugin;
 use bevy_surgery::prelude::*;
 use bevy_surgery::render::graphics_adapters;
@@ -18,14 +19,32 @@ use std::process::ExitCode;
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::Instant;
 
+/// Who moves the view.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[allow(dead_code, reason = "not every example can be turned")]
+pub enum Viewer {
+    /// A person with a mouse.
+    Person,
+    /// Nobody: the example turns what it shows.
+    Nobody,
+    /// A recording, which was made of something that did not turn.
+    Recording,
+}
+
 /// How a run is shown, for an example's `setup`.
 #[derive(Resource, Clone)]
 pub struct Stage {
     /// Where cameras draw to.
     pub target: RenderTarget,
-    /// Whether a person is there to turn the view.
+    /// Who moves the view.
     #[allow(dead_code, reason = "not every example can be turned")]
-    pub is_interactive: bool,
+    pub viewer: Viewer,
+}
+
+impl Stage {
+    fn new(args: &Args, target: RenderTarget, without_recording: Viewer) -> Self {
+        Self { target, viewer: if args.replay.is_some() { Viewer::Recording } else { without_recording } }
+    }
 }
 
 /// Parses the arguments and runs an example: `add` adds its systems, `count` fills the report's counters.
@@ -96,7 +115,7 @@ fn run_window(args: &Args, name: &str, add: impl FnOnce(&mut App)) -> Result<(),
         SurgeryPlugins,
     ));
     app.insert_resource(args.clone());
-    app.insert_resource(Stage { target: RenderTarget::default(), is_interactive: true });
+    app.insert_resource(Stage::new(args, RenderTarget::default(), Viewer::Person));
     recording::build(&mut app, args)?;
     let keep = args.clone();
     app.add_systems(Last, move |world: &World, exits: MessageReader<AppExit>| {
@@ -106,6 +125,12 @@ fn run_window(args: &Args, name: &str, add: impl FnOnce(&mut App)) -> Result<(),
             error!("{reason}");
         }
     });
+    let escape = |keys: Res<ButtonInput<KeyCode>>, mut exit: MessageWriter<AppExit>| {
+        if keys.just_pressed(KeyCode::Escape) {
+            exit.write(AppExit::Success);
+        }
+    };
+    app.add_systems(Update, escape);
     let failed: Arc<Mutex<Option<String>>> = default();
     let slot = failed.clone();
     app.add_systems(
@@ -141,7 +166,7 @@ fn run_headless(
     app.add_plugins(SurgeryDiagnosticsPlugin);
     app.insert_resource(args.clone());
     let target = RenderTarget::Image(app.target().image.into());
-    app.insert_resource(Stage { target, is_interactive: false });
+    app.insert_resource(Stage::new(args, target, Viewer::Nobody));
     recording::build(&mut app, args)?;
     add(&mut app);
     let mut measures = Measures::default();
@@ -157,7 +182,7 @@ fn run_headless(
         }
     }
     compare_with_empty(&mut app, &mut measures);
-    let adapter = graphics_adapters().first().map_or_else(String::new, |adapter| adapter.name.clone());
+    let adapter = app.world().resource::<RenderAdapterInfo>().name.clone();
     recording::finish(app.world(), args)?;
     let counters = count(app.world_mut());
     write_report(&out, measures.report(&adapter, args.size, counters))
@@ -173,7 +198,7 @@ fn run_models(
     let mut app = TestApp::cpu();
     app.add_plugins((bevy::log::LogPlugin::default(), SurgeryDiagnosticsPlugin));
     app.insert_resource(args.clone());
-    app.insert_resource(Stage { target: RenderTarget::default(), is_interactive: false });
+    app.insert_resource(Stage::new(args, RenderTarget::default(), Viewer::Nobody));
     recording::build(&mut app, args)?;
     add(&mut app);
     let mut measures = Measures::default();
@@ -191,7 +216,8 @@ fn run_models(
 /// Why an organ's file could not be used, if one could not.
 fn failed_organ(assets: &AssetServer, organs: impl IntoIterator<Item = Handle<OrganModel>>) -> Option<String> {
     organs.into_iter().find_map(|organ| match assets.load_state(&organ) {
-        LoadState::Failed(error) => Some(error.to_string()),
+        // The first line: with RUST_BACKTRACE set, more follow.
+        LoadState::Failed(error) => error.to_string().lines().next().map(ToString::to_string),
         _ => None,
     })
 }

@@ -104,7 +104,7 @@ fn fragment(in: Varying) -> @location(0) vec4<f32> {
     let albedo = texel * skin.tint * in.mottle.x * mix(vec3(1.0), hue, 0.5);
     let eye = to_eye(in.position_world_m);
     let flat_normal = normalize(in.normal_world);
-    // Seen from behind (a mirrored organ, a scope inside it): shade the side that is seen.
+    // Seen from behind (an open surface, a hollow organ): shade the side that is seen.
     let normal = select(-flat_normal, flat_normal, dot(flat_normal, eye) > -0.2);
     // Pale septa lie deeper than the lobules between them; the moist surface shows it by its reflections only.
     let glossy = raised(normal, in.position_world_m, -skin.relief_m * dot(texel, vec3(0.6, 0.3, 0.1)));

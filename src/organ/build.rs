@@ -4,7 +4,7 @@ use super::atlas::{Atlas, FaceTable};
 use super::cache::OrganCache;
 use super::chart::{self, ChartError, ChartOptions, ChartReport};
 use super::error::MeshError;
-use super::load::LoadOptions;
+use super::load::{LoadOptions, MeshUnit};
 use super::mesh::SurfaceMesh;
 use super::planar::{PlanarChart, PlanarError};
 use super::procedural::{ProceduralLiver, procedural_liver};
@@ -64,7 +64,7 @@ impl Default for OrganOptions {
 impl OrganOptions {
     /// The largest side of the organ's box is to measure this many metres, whatever the file's unit.
     pub fn with_largest_extent_m(mut self, extent_m: f32) -> Self {
-        self.load.unit = super::load::MeshUnit::LargestExtent(extent_m);
+        self.load.unit = MeshUnit::LargestExtent(extent_m);
         self
     }
 
@@ -216,6 +216,11 @@ impl OrganModel {
         Ok(Self(Arc::new(OrganParts { mesh, atlas, table, texture_mesh, skin_mesh, report })))
     }
 
+    /// Whether this is the very same model, and not only an equal one.
+    pub fn is_same(&self, other: &Self) -> bool {
+        Arc::ptr_eq(&self.0, &other.0)
+    }
+
     /// What it is made of, in a line for the log: sizes, how it was charted and where the chart's poles went.
     pub fn describe(&self) -> String {
         let sizes = format!(
@@ -240,12 +245,19 @@ impl OrganModel {
         }
     }
 
-    /// The liver that ships with the crate: smooth, two-lobed, not star-shaped, some 22 cm wide.
+    /// The liver that ships with the crate: smooth, two-lobed, not star-shaped, some 22 cm wide unless the options'
+    /// unit says otherwise. Some tenths of a second the first time, then from the user's cache.
     ///
     /// # Errors
     /// As [`OrganModel::from_mesh`], for senseless options.
     pub fn procedural_liver(options: &OrganOptions) -> Result<Self, OrganError> {
-        let mesh = procedural_liver(&ProceduralLiver::default());
+        let mut mesh = procedural_liver(&ProceduralLiver::default());
+        let (low, high) = mesh.bounds_m();
+        let scale = match options.load.unit {
+            MeshUnit::Metres(factor) => factor,
+            MeshUnit::LargestExtent(extent_m) => extent_m / (high - low).max_element(),
+        };
+        mesh.positions_m.iter_mut().for_each(|position| *position *= scale);
         Self::from_mesh_cached(mesh, "procedural liver", options, &OrganCache::default())
     }
 }

@@ -47,6 +47,7 @@ impl OrganCache {
     pub(super) fn key(&self, mesh: &SurfaceMesh, options: &OrganOptions) -> String {
         let mut hasher = blake3::Hasher::new();
         hasher.update(MAGIC);
+        hasher.update(env!("CARGO_PKG_VERSION").as_bytes());
         hasher.update(&(mesh.positions_m.len() as u64).to_le_bytes());
         hasher.update(bytemuck::cast_slice(&mesh.positions_m));
         hasher.update(&(mesh.triangles.len() as u64).to_le_bytes());

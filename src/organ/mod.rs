@@ -13,6 +13,7 @@ mod build;
 mod cache;
 pub mod chart;
 pub mod clean;
+mod ellipsoid;
 pub mod error;
 pub mod load;
 pub mod mesh;
@@ -27,8 +28,9 @@ pub mod texture_mesh;
 pub use asset::OrganModelLoader;
 pub use build::{ChartKind, OrganError, OrganModel, OrganOptions, OrganParts, OrganReport};
 pub use cache::OrganCache;
+pub use ellipsoid::procedural_ellipsoid;
 pub use mesh::SurfaceMesh;
-pub use shape::{Organ, OrganShape};
+pub use shape::{Hollow, Organ, OrganShape};
 pub use sphere::{SphereMesh, SurfacePoint};
 
 use bevy::prelude::*;

@@ -4,6 +4,7 @@
 //! implicit surface morphs from a ball into that shape. Its vertices slide within the surface meanwhile, and edges are
 //! flipped, so that the triangles stay even. Genus 0 holds by construction.
 
+use super::ellipsoid::icosphere;
 use crate::organ::mesh::{self, SurfaceMesh};
 use bevy::reflect::Reflect;
 use glam::{DVec3, Vec3};
@@ -203,57 +204,6 @@ fn flip_edges(positions: &[DVec3], triangles: &mut [[u32; 3]]) {
             }
         }
     }
-}
-
-/// The unit sphere as an icosahedron whose edges are split into `n`.
-fn icosphere(n: usize) -> (Vec<DVec3>, Vec<[u32; 3]>) {
-    let golden = (1.0 + 5f64.sqrt()) / 2.0;
-    let corners: Vec<DVec3> = (0..3)
-        .flat_map(|axis| {
-            [(-1.0, -golden), (1.0, -golden), (-1.0, golden), (1.0, golden)].map(|(one, long)| (axis, one, long))
-        })
-        .map(|(axis, one, long)| {
-            let mut corner = [0.0; 3];
-            (corner[axis], corner[(axis + 1) % 3]) = (one, long);
-            DVec3::from_array(corner)
-        })
-        .collect();
-    let mut positions: Vec<DVec3> = Vec::new();
-    let mut triangles = Vec::new();
-    let is_near = |a: usize, b: usize| corners[a].distance_squared(corners[b]) < 4.5;
-    // Neighbouring corners of the icosahedron are 2 apart, all others 3.2 or more.
-    for a in 0..12 {
-        for b in a + 1..12 {
-            for c in b + 1..12 {
-                if !(is_near(a, b) && is_near(b, c) && is_near(c, a)) {
-                    continue;
-                }
-                let (a, mut b, mut c) = (corners[a], corners[b], corners[c]);
-                if a.dot(b.cross(c)) < 0.0 {
-                    (b, c) = (c, b);
-                }
-                let mut index = |row: usize, column: usize| {
-                    let place = (a * (n - row) as f64 + b * (row - column) as f64 + c * column as f64).normalize();
-                    // A few hundred vertices: looking through all is quick enough.
-                    positions.iter().position(|other| other.distance_squared(place) < 1e-12).unwrap_or_else(|| {
-                        positions.push(place);
-                        positions.len() - 1
-                    }) as u32
-                };
-                for row in 0..n {
-                    for column in 0..=row {
-                        let (top, left, right) =
-                            (index(row, column), index(row + 1, column), index(row + 1, column + 1));
-                        triangles.push([top, left, right]);
-                        if column < row {
-                            triangles.push([top, right, index(row, column + 1)]);
-                        }
-                    }
-                }
-            }
-        }
-    }
-    (positions, triangles)
 }
 
 /// Centres the liver and stretches it to the wanted box; metres.

@@ -14,17 +14,25 @@ use bevy::prelude::*;
 #[cfg_attr(feature = "render", require(Visibility))]
 pub struct Organ(pub Handle<OrganModel>);
 
+/// Draws both sides of a closed [`Organ`]: for hollow ones that a scope is inside of.
+#[derive(Component, Clone, Copy, Debug, Default, PartialEq, Eq, Reflect)]
+#[reflect(Component, Default, Clone)]
+pub struct Hollow;
+
 /// The organ's primary vertices as they are now, in the organ's space.
 ///
-/// Deformation writes [`OrganShape::move_vertices`] in [`SurgerySystems::Deform`]; normals and bounds follow in
-/// [`SurgerySystems::Publish`]. The skin's secondary vertices are fixed combinations of these.
+/// Deformation writes [`OrganShape::move_vertices`] in [`SurgerySystems::Deform`]; the normals follow in
+/// [`SurgerySystems::Publish`], the box for culling before the frame is drawn. The skin's secondary vertices are fixed
+/// combinations of these.
 #[derive(Component, Clone, Debug, Default, Reflect)]
 #[reflect(Component, Default, Clone)]
 pub struct OrganShape {
     positions_m: Vec<Vec3>,
     normals: Vec<Vec3>,
-    revision: u64,
     normals_are_stale: bool,
+    /// Whose vertices these are.
+    #[reflect(ignore)]
+    model: Option<OrganModel>,
 }
 
 impl OrganShape {
@@ -33,8 +41,8 @@ impl OrganShape {
         Self {
             positions_m: model.mesh.positions_m.clone(),
             normals: model.mesh.vertex_normals(),
-            revision: 0,
             normals_are_stale: false,
+            model: Some(model.clone()),
         }
     }
 
@@ -48,14 +56,13 @@ impl OrganShape {
         &self.normals
     }
 
-    /// Counts the changes, so that copies elsewhere know when they are old.
-    pub fn revision(&self) -> u64 {
-        self.revision
+    /// Whether these are the vertices of a model.
+    fn is_of(&self, model: &OrganModel) -> bool {
+        self.model.as_ref().is_some_and(|own| own.is_same(model))
     }
 
     /// The positions, to be written. Their number cannot change.
     pub fn move_vertices(&mut self) -> &mut [Vec3] {
-        self.revision += 1;
         self.normals_are_stale = true;
         &mut self.positions_m
     }
@@ -64,39 +71,30 @@ impl OrganShape {
 pub(super) fn build(app: &mut App) {
     app.register_type::<Organ>()
         .register_type::<OrganShape>()
+        .register_type::<Hollow>()
         .add_systems(PreUpdate, shape_loaded_organs)
         .add_systems(FixedUpdate, follow_moved_vertices.in_set(SurgerySystems::Publish));
 }
 
-/// Gives organs their rest shape when the model has arrived, and again when it was replaced.
+/// Gives organs their rest shape when the model has arrived, and again when it was exchanged.
 fn shape_loaded_organs(
     mut commands: Commands,
     models: Res<Assets<OrganModel>>,
-    mut events: MessageReader<AssetEvent<OrganModel>>,
-    organs: Query<(Entity, Ref<Organ>, Has<OrganShape>)>,
+    organs: Query<(Entity, &Organ, Option<&OrganShape>)>,
 ) {
-    let mut replaced = Vec::new();
-    for event in events.read() {
-        if let AssetEvent::Modified { id } | AssetEvent::Added { id } = event {
-            replaced.push(*id);
-        }
-    }
-    for (entity, organ, has_shape) in &organs {
-        let is_due = !has_shape || organ.is_changed() || replaced.contains(&organ.0.id());
-        if let Some(model) = models.get(&organ.0).filter(|_| is_due) {
+    for (entity, organ, shape) in &organs {
+        if let Some(model) = models.get(&organ.0)
+            && !shape.is_some_and(|shape| shape.is_of(model))
+        {
             commands.entity(entity).insert(OrganShape::at_rest(model));
         }
     }
 }
 
-fn follow_moved_vertices(
-    models: Res<Assets<OrganModel>>,
-    mut organs: Query<(&Organ, &mut OrganShape), Changed<OrganShape>>,
-) {
-    for (organ, mut shape) in &mut organs {
-        let Some(model) = models.get(&organ.0).filter(|_| shape.normals_are_stale) else { continue };
-        let shape = &mut *shape;
-        vertex_normals_into(&shape.positions_m, &model.mesh.triangles, &mut shape.normals);
-        shape.normals_are_stale = false;
+fn follow_moved_vertices(mut shapes: Query<&mut OrganShape, Changed<OrganShape>>) {
+    for mut shape in shapes.iter_mut().filter(|shape| shape.normals_are_stale) {
+        let OrganShape { positions_m, normals, normals_are_stale, model: Some(model) } = &mut *shape else { continue };
+        vertex_normals_into(positions_m, &model.mesh.triangles, normals);
+        *normals_are_stale = false;
     }
 }

@@ -13,14 +13,13 @@ pub struct GraphicsAdapter {
     pub is_software: bool,
 }
 
-/// The adapters that Bevy could draw with, best first. Empty where there is none: starting a render app there would
+/// The adapters that Bevy could draw with, real cards first; `WGPU_BACKEND` chooses among back ends as it does for
+/// Bevy. Empty where there is none: starting a render app there would
 /// panic inside Bevy, so ask first and say so.
 pub fn graphics_adapters() -> Vec<GraphicsAdapter> {
-    let instance = Instance::new(InstanceDescriptor {
-        backends: Backends::from_env().unwrap_or(Backends::PRIMARY),
-        ..InstanceDescriptor::new_without_display_handle()
-    });
-    let mut adapters: Vec<_> = bevy::tasks::block_on(instance.enumerate_adapters(Backends::PRIMARY))
+    let backends = Backends::from_env().unwrap_or(Backends::PRIMARY);
+    let instance = Instance::new(InstanceDescriptor { backends, ..InstanceDescriptor::new_without_display_handle() });
+    let mut adapters: Vec<_> = bevy::tasks::block_on(instance.enumerate_adapters(backends))
         .iter()
         .map(wgpu::Adapter::get_info)
         .map(|info| GraphicsAdapter {

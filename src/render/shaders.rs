@@ -1,6 +1,6 @@
 //! Every WGSL file of `shaders/`, embedded in the binary.
 //!
-//! The folder tree is the module tree: `shaders/skin/types.wgsl` is `embedded://bevy_surgery/skin/types.wgsl`. With
+//! The folder tree is the module tree: `shaders/skin/skin.wgsl` is `embedded://bevy_surgery/skin/skin.wgsl`. With
 //! the feature `dev` Bevy watches the files on disk and reloads them while the app runs.
 
 use bevy::asset::io::embedded::EmbeddedAssetRegistry;

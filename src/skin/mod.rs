@@ -19,7 +19,7 @@ pub mod tiles;
 
 pub use presets::OrganPreset;
 #[cfg(feature = "render")]
-pub use render::{SkinTileLibrary, SkinUniform};
+pub use render::{SkinTexture, SkinTileLibrary, SkinUniform};
 
 use bevy::prelude::*;
 use serde::{Deserialize, Serialize};
@@ -41,7 +41,7 @@ pub struct Skin {
     pub scatter: f32,
     /// Strength of the soft sheen of the moist capsule. The sharp reflections of the lamp are the third layer's.
     pub sheen: f32,
-    /// Roughness of this sheen, 0.1 to 1.
+    /// Roughness of this sheen, 0.05 to 1.
     pub sheen_roughness: f32,
     /// How far dark texels of the tiles are raised over white ones, metres: it breaks the sheen into glints.
     pub relief_m: f32,
@@ -60,7 +60,8 @@ impl Default for Skin {
 pub enum TileSource {
     /// Made at start.
     Generated(TileOptions),
-    /// Four PNG files that a designer painted, in the layout that [`tiles::TileSet::save_png`] writes.
+    /// Four PNG files that a designer painted, in the layout that [`tiles::TileSet::save_png`] writes. Paths are those
+    /// of the file system, relative ones from the working folder.
     Painted([String; 4]),
 }
 

@@ -93,7 +93,7 @@ impl Skin {
         Self { mottle: 0.15, sheen_roughness: 0.36, ..Self::with_tiles(TileOptions::kidney()) }
     }
 
-    /// The mucous lining of stomach or bowel.
+    /// The mucous lining of stomach or bowel; add [`Hollow`](crate::organ::Hollow) to see it from inside.
     pub fn mucosa() -> Self {
         let tiles = TileOptions::mucosa();
         Self { mottle: 0.18, scatter: 0.35, sheen: 1.4, sheen_roughness: 0.3, ..Self::with_tiles(tiles) }

@@ -106,7 +106,7 @@ impl TestApp {
     /// Updates without stepping until every organ, skin and pipeline is there.
     ///
     /// # Panics
-    /// When a pipeline fails, an organ's file cannot be used, or it takes longer than a minute.
+    /// When a pipeline fails, an organ's file or a skin's tiles cannot be used, or it takes longer than a minute.
     pub fn warm_up(&mut self) {
         let mut quiet = 0;
         self.idle_until("organs, skins and pipelines", |app| {
@@ -147,8 +147,13 @@ impl TestApp {
 }
 
 fn is_busy(app: &mut App) -> bool {
-    if app.world().get_resource::<SkinTileLibrary>().is_some_and(SkinTileLibrary::is_busy) {
-        return true;
+    if let Some(library) = app.world().get_resource::<SkinTileLibrary>() {
+        if let Some(error) = library.failures().next() {
+            panic!("the tiles of a skin could not be made: {error}");
+        }
+        if library.is_busy() {
+            return true;
+        }
     }
     let mut unshaped = app.world_mut().query_filtered::<&Organ, Without<OrganShape>>();
     let waiting: Vec<Handle<OrganModel>> = unshaped.iter(app.world()).map(|organ| organ.0.clone()).collect();

@@ -1,9 +1,10 @@
 //! What the render world takes of organs each frame.
 
 use super::prepare::{OrganBuffers, OrganSides};
-use crate::organ::{Organ, OrganModel, OrganShape};
+use crate::organ::{Hollow, Organ, OrganModel, OrganShape};
 use bevy::camera::primitives::Aabb;
 use bevy::camera::visibility::RenderLayers;
+use bevy::ecs::change_detection::Tick;
 use bevy::prelude::*;
 use bevy::render::Extract;
 use bevy::render::sync_world::MainEntity;
@@ -34,8 +35,8 @@ pub struct ExtractedOrgan {
     pub layers: RenderLayers,
     /// Which of its faces are drawn.
     pub sides: OrganSides,
-    /// Which shape the vertices are of.
-    pub revision: (AssetId<OrganModel>, u64),
+    /// When the shape last changed.
+    pub revision: Tick,
     /// The vertices, where the GPU's copy is old.
     pub moved: Option<Vec<PrimaryVertex>>,
 }
@@ -59,10 +60,11 @@ pub(super) fn bound_shapes(mut commands: Commands, shapes: Query<(Entity, &Organ
 type Shaped = (
     Entity,
     &'static Organ,
-    &'static OrganShape,
+    Ref<'static, OrganShape>,
     &'static GlobalTransform,
     Option<&'static Aabb>,
     Option<&'static RenderLayers>,
+    Has<Hollow>,
 );
 
 pub(super) fn extract_organs(
@@ -72,11 +74,11 @@ pub(super) fn extract_organs(
     models: Extract<Res<Assets<OrganModel>>>,
 ) {
     extracted.organs.clear();
-    for (entity, organ, shape, transform, bounds, layers) in organs.iter() {
+    for (entity, organ, shape, transform, bounds, layers, is_hollow) in organs.iter() {
         let entity = MainEntity::from(entity);
         let centre = bounds.map_or(Vec3::ZERO, |bounds| bounds.center.into());
-        let revision = (organ.0.id(), shape.revision());
-        let is_open = models.get(&organ.0).is_some_and(|model| !model.atlas.is_spherical());
+        let revision = shape.last_changed();
+        let shows_both = is_hollow || models.get(&organ.0).is_some_and(|model| !model.atlas.is_spherical());
         let world_from_organ = transform.to_matrix();
         let is_old = buffers.revision(entity) != Some(revision);
         extracted.organs.push(ExtractedOrgan {
@@ -85,7 +87,7 @@ pub(super) fn extract_organs(
             world_from_organ,
             centre_world_m: transform.transform_point(centre),
             layers: layers.cloned().unwrap_or_default(),
-            sides: match (is_open, world_from_organ.determinant() < 0.0) {
+            sides: match (shows_both, world_from_organ.determinant() < 0.0) {
                 (true, _) => OrganSides::Both,
                 (false, true) => OrganSides::OutsideMirrored,
                 (false, false) => OrganSides::Outside,

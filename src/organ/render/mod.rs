@@ -20,7 +20,8 @@ use bevy::render::render_asset::RenderAssetPlugin;
 use bevy::render::sync_world::SyncToRenderWorld;
 use bevy::render::{ExtractSchedule, GpuResourceAppExt, Render, RenderApp, RenderStartup, RenderSystems};
 
-/// Layers prepare what they draw with after this set (in [`RenderSystems::PrepareBindGroups`]).
+/// What layers build on: [`OrganLayouts`] in `RenderStartup`, [`OrganBindGroups`] in
+/// [`RenderSystems::PrepareBindGroups`]. A layer that reads them in the same schedule runs after this set.
 #[derive(SystemSet, Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub struct PrepareOrgans;
 

@@ -4,10 +4,11 @@ use super::extract::{ExtractedOrgans, PrimaryVertex};
 use crate::organ::OrganModel;
 use crate::render::{OrganLights, SceneLights, UploadedBytes, shader_path, strongest_lights};
 use bevy::core_pipeline::core_3d::CORE_3D_DEPTH_FORMAT;
+use bevy::ecs::change_detection::Tick;
 use bevy::ecs::system::{SystemParamItem, lifetimeless::SRes};
 use bevy::mesh::VertexBufferLayout;
 use bevy::prelude::*;
-use bevy::render::render_asset::{PrepareAssetError, RenderAsset};
+use bevy::render::render_asset::{PrepareAssetError, RenderAsset, RenderAssets};
 use bevy::render::render_resource::{
     binding_types::{storage_buffer_read_only_sized, uniform_buffer},
     *,
@@ -164,7 +165,8 @@ impl OrganPipelineKey {
 
 /// The pipeline of a layer before specialization: organ vertices, depth test, no blending.
 ///
-/// `group_2` and on are the layer's own. The first layer writes depth; layers over it test for equality.
+/// `own_groups` are bound from group 2 on. The first layer writes depth; layers over it pass where they are not behind
+/// it, and as all compute their vertices alike, that is where they lie on it.
 pub fn organ_pipeline_descriptor(
     label: &'static str,
     layouts: &OrganLayouts,
@@ -201,7 +203,7 @@ pub(crate) fn layer_shader(assets: &AssetServer, path: &str) -> Handle<Shader> {
 
 struct OrganBuffer {
     primaries: RawBufferVec<PrimaryVertex>,
-    revision: (AssetId<OrganModel>, u64),
+    revision: Tick,
 }
 
 /// Buffers of every organ, kept between frames.
@@ -221,7 +223,7 @@ impl Default for OrganBuffers {
 }
 
 impl OrganBuffers {
-    pub fn revision(&self, entity: MainEntity) -> Option<(AssetId<OrganModel>, u64)> {
+    pub fn revision(&self, entity: MainEntity) -> Option<Tick> {
         self.primaries.get(&entity).map(|buffer| buffer.revision)
     }
 }
@@ -230,7 +232,7 @@ pub(super) fn write_buffers(
     mut buffers: ResMut<OrganBuffers>,
     mut extracted: ResMut<ExtractedOrgans>,
     scene: Option<Res<SceneLights>>,
-    uploaded: Option<ResMut<UploadedBytes>>,
+    uploaded: Option<Res<UploadedBytes>>,
     device: Res<RenderDevice>,
     queue: Res<RenderQueue>,
 ) {
@@ -265,8 +267,8 @@ pub(super) fn write_buffers(
     }
     buffers.uniforms.write_buffer(&device, &queue);
     bytes += OrganUniform::min_size().get() * extracted.organs.len() as u64;
-    if let Some(mut uploaded) = uploaded {
-        uploaded.0 += bytes;
+    if let Some(uploaded) = uploaded {
+        uploaded.add(bytes);
     }
 }
 
@@ -288,6 +290,8 @@ impl OrganBindGroups {
 pub(super) fn prepare_bind_groups(
     mut groups: ResMut<OrganBindGroups>,
     buffers: Res<OrganBuffers>,
+    extracted: Res<ExtractedOrgans>,
+    models: Res<RenderAssets<GpuOrganModel>>,
     layouts: Res<OrganLayouts>,
     views: Res<ViewUniforms>,
     cache: Res<PipelineCache>,
@@ -300,11 +304,17 @@ pub(super) fn prepare_bind_groups(
     groups.organs.clear();
     let Some(uniform) = buffers.uniforms.binding() else { return };
     let layout = cache.get_bind_group_layout(&layouts.organ);
-    for (&entity, buffer) in &buffers.primaries {
-        let (Some(primaries), Some(&offset)) = (buffer.primaries.buffer(), buffers.offsets.get(&entity)) else {
+    for organ in &extracted.organs {
+        let (Some(buffer), Some(&offset)) = (buffers.primaries.get(&organ.entity), buffers.offsets.get(&organ.entity))
+        else {
             continue;
         };
-        let entries = BindGroupEntries::sequential((uniform.clone(), primaries.as_entire_binding()));
-        groups.organs.insert(entity, (device.create_bind_group("organ", &layout, &entries), offset));
+        // A model that was exchanged arrives a frame before the vertices that belong to it.
+        let fits =
+            models.get(organ.model).is_some_and(|gpu| gpu.model.mesh.positions_m.len() == buffer.primaries.len());
+        if let Some(primaries) = buffer.primaries.buffer().filter(|_| fits) {
+            let entries = BindGroupEntries::sequential((uniform.clone(), primaries.as_entire_binding()));
+            groups.organs.insert(organ.entity, (device.create_bind_group("organ", &layout, &entries), offset));
+        }
     }
 }

@@ -44,7 +44,7 @@ use serde::{Deserialize, Serialize};
 use straighten::Straightener;
 use walk::ChartedSurface;
 
-/// Texture triangles on an organ where no edge length is asked for.
+/// Texture triangles on a compact organ where no edge length is asked for; thin parts get more, smaller ones.
 pub const DEFAULT_TRIANGLES: u32 = 400;
 /// Most texture triangles that are made.
 pub const MOST_TRIANGLES: u32 = 200_000;

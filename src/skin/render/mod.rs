@@ -6,7 +6,7 @@ mod prepare;
 mod textures;
 
 pub use prepare::SkinUniform;
-pub use textures::SkinTileLibrary;
+pub use textures::{SkinTexture, SkinTileLibrary};
 
 use crate::organ::render::PrepareOrgans;
 use crate::render::OrganPasses;
@@ -18,9 +18,7 @@ pub(super) fn build(app: &mut App) {
     if app.get_sub_app(RenderApp).is_none() {
         return;
     }
-    app.register_type::<textures::SkinTexture>()
-        .init_resource::<SkinTileLibrary>()
-        .add_systems(PreUpdate, textures::dress_skins);
+    app.register_type::<SkinTexture>().init_resource::<SkinTileLibrary>().add_systems(PreUpdate, textures::dress_skins);
     let Some(render_app) = app.get_sub_app_mut(RenderApp) else { return };
     render_app
         .init_resource::<extract::ExtractedSkins>()

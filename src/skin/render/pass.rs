@@ -2,7 +2,7 @@
 
 use super::prepare::{SkinInstances, SkinPipelineIds};
 use crate::organ::Organ;
-use crate::organ::render::{ExtractedOrgans, GpuOrganModel, OrganBindGroups};
+use crate::organ::render::{ExtractedOrgan, ExtractedOrgans, GpuOrganModel, OrganBindGroups, OrganSides};
 use bevy::camera::{MainPassResolutionOverride, Viewport};
 use bevy::prelude::*;
 use bevy::render::camera::ExtractedCamera;
@@ -10,10 +10,11 @@ use bevy::render::diagnostic::RecordDiagnostics;
 use bevy::render::render_asset::RenderAssets;
 use bevy::render::render_resource::{IndexFormat, PipelineCache, RenderPassDescriptor, StoreOp};
 use bevy::render::renderer::{RenderContext, ViewQuery};
-use bevy::render::view::{RenderVisibleEntities, ViewDepthTexture, ViewTarget, ViewUniformOffset};
+use bevy::render::view::{ExtractedView, RenderVisibleEntities, ViewDepthTexture, ViewTarget, ViewUniformOffset};
 
 type SkinView = (
     &'static ExtractedCamera,
+    &'static ExtractedView,
     &'static ViewTarget,
     &'static ViewDepthTexture,
     &'static ViewUniformOffset,
@@ -31,22 +32,28 @@ pub(super) fn draw_skins(
     cache: Res<PipelineCache>,
     mut ctx: RenderContext,
 ) {
-    let (camera, target, depth, view_offset, visible, pipelines, resolution) = view.into_inner();
+    let (camera, extracted, target, depth, view_offset, visible, pipelines, resolution) = view.into_inner();
     let (Some(view_group), Some(visible)) = (&organ_groups.view, visible.get::<Organ>()) else { return };
-    let mut drawable = visible
-        .entities_cpu_culling
-        .iter()
+    let visible = visible.entities_cpu_culling.iter();
+    let mut drawable: Vec<_> = visible
         .filter_map(|&(_, entity)| {
             let place = organs.organs.binary_search_by_key(&entity, |organ| organ.entity).ok()?;
             let organ = &organs.organs[place];
             let model = models.get(organ.model)?;
             let pipeline = cache.get_render_pipeline(pipelines.of(organ.sides))?;
-            Some((pipeline, model, organ_groups.organ(entity)?, skins.bind_group(entity)?))
+            Some((organ, pipeline, model, organ_groups.organ(entity)?, skins.bind_group(entity)?))
         })
-        .peekable();
-    if drawable.peek().is_none() {
+        .collect();
+    if drawable.is_empty() {
         return;
     }
+    // Near ones first, and what surrounds the camera last: hidden pixels then cost a depth test and no shading.
+    let eye = extracted.world_from_view.translation();
+    drawable.sort_by(|(a, ..), (b, ..)| {
+        let distance = |organ: &ExtractedOrgan| organ.centre_world_m.distance_squared(eye);
+        let surrounds = |organ: &ExtractedOrgan| organ.sides == OrganSides::Both;
+        surrounds(a).cmp(&surrounds(b)).then(distance(a).total_cmp(&distance(b)))
+    });
     let diagnostics = ctx.diagnostic_recorder();
     let diagnostics = diagnostics.as_deref();
     let mut pass = ctx.begin_tracked_render_pass(RenderPassDescriptor {
@@ -61,7 +68,7 @@ pub(super) fn draw_skins(
     if let Some(viewport) = Viewport::from_viewport_and_override(camera.viewport.as_ref(), resolution) {
         pass.set_camera_viewport(&viewport);
     }
-    for (pipeline, model, (organ_group, organ_offset), skin_group) in drawable {
+    for (_, pipeline, model, (organ_group, organ_offset), skin_group) in drawable {
         pass.set_render_pipeline(pipeline);
         pass.set_bind_group(0, view_group, &[view_offset.offset]);
         pass.set_bind_group(1, organ_group, &[organ_offset]);

@@ -5,6 +5,7 @@ use crate::organ::OrganModel;
 use crate::organ::render::{
     ExtractedOrgans, GpuOrganModel, OrganLayouts, OrganPipelineKey, OrganSides, layer_shader, organ_pipeline_descriptor,
 };
+use crate::render::UploadedBytes;
 use crate::skin::tiles::assign_tiles;
 use bevy::prelude::*;
 use bevy::render::camera::ExtractedCamera;
@@ -112,7 +113,7 @@ struct SkinInstance {
     uniform: UniformBuffer<SkinUniform>,
     /// Tile and rotation of each texture triangle: `tile * 3 + rotation`.
     choices: Buffer,
-    chosen_for: (AssetId<OrganModel>, u64),
+    chosen_for: (OrganModel, u64),
     bind_group: Option<BindGroup>,
 }
 
@@ -132,26 +133,32 @@ pub(super) fn write_buffers(
     models: Res<RenderAssets<GpuOrganModel>>,
     device: Res<RenderDevice>,
     queue: Res<RenderQueue>,
+    uploaded: Option<Res<UploadedBytes>>,
 ) {
+    let mut bytes = 0;
     instances.0.retain(|entity, _| extracted.skins.binary_search_by_key(entity, |skin| skin.entity).is_ok());
     for skin in &extracted.skins {
         let Some(model) = models.get(skin.model) else { continue };
-        let wanted = (skin.model, skin.seed);
-        let is_current = instances.0.get(&skin.entity).is_some_and(|instance| instance.chosen_for == wanted);
+        let is_current = instances.0.get(&skin.entity).is_some_and(|instance| {
+            let (chosen_for, seed) = &instance.chosen_for;
+            chosen_for.is_same(&model.model) && *seed == skin.seed
+        });
         if !is_current {
             let triangles = &model.model.texture_mesh.triangulation.neighbours;
-            let choices: Vec<u32> = assign_tiles(triangles, skin.seed)
+            let model_choices: Vec<u32> = assign_tiles(triangles, skin.seed)
                 .iter()
                 .map(|choice| u32::from(choice.tile) * 3 + u32::from(choice.rotation))
                 .collect();
             let choices = device.create_buffer_with_data(&BufferInitDescriptor {
                 label: Some("skin_tile_choices"),
                 usage: BufferUsages::STORAGE,
-                contents: bytemuck::cast_slice(&choices),
+                contents: bytemuck::cast_slice(&model_choices),
             });
+            bytes += size_of_val(model_choices.as_slice()) as u64 + SkinUniform::min_size().get();
             let mut uniform = UniformBuffer::from(skin.uniform);
             uniform.write_buffer(&device, &queue);
-            let instance = SkinInstance { uniform, choices, chosen_for: wanted, bind_group: None };
+            let instance =
+                SkinInstance { uniform, choices, chosen_for: (model.model.clone(), skin.seed), bind_group: None };
             instances.0.insert(skin.entity, instance);
         }
         if let Some(instance) = instances.0.get_mut(&skin.entity)
@@ -159,7 +166,11 @@ pub(super) fn write_buffers(
         {
             instance.uniform.set(skin.uniform);
             instance.uniform.write_buffer(&device, &queue);
+            bytes += SkinUniform::min_size().get();
         }
+    }
+    if let Some(uploaded) = uploaded {
+        uploaded.add(bytes);
     }
 }
 

@@ -25,7 +25,7 @@ pub struct SkinTexture {
 enum Tiles {
     Making(Task<Result<TileSet, TileError>>),
     Ready(Handle<Image>),
-    Failed,
+    Failed(TileError),
 }
 
 /// The tile sets of the app: each is made once, however many organs wear it.
@@ -38,6 +38,14 @@ impl SkinTileLibrary {
     /// Whether some set is still being made.
     pub fn is_busy(&self) -> bool {
         self.sets.iter().any(|(_, tiles)| matches!(tiles, Tiles::Making(_)))
+    }
+
+    /// Why sets could not be made; skins that want them are not drawn.
+    pub fn failures(&self) -> impl Iterator<Item = &TileError> {
+        self.sets.iter().filter_map(|(_, tiles)| match tiles {
+            Tiles::Failed(error) => Some(error),
+            _ => None,
+        })
     }
 }
 
@@ -55,7 +63,7 @@ pub(super) fn dress_skins(
             Some(Ok(set)) => Tiles::Ready(images.add(texture_array(&set))),
             Some(Err(error)) => {
                 error!("skin tiles {source:?}: {error}");
-                Tiles::Failed
+                Tiles::Failed(error)
             }
         };
     }
