@@ -11,7 +11,7 @@ use glam::{DVec2, DVec3};
 /// Makes a texture mesh from a regular lattice of equilateral triangles in the plane of an organ's own texture
 /// coordinates, and lays it over the geometric mesh.
 ///
-/// `chart` holds the homogeneous directions `(u - 0.5, v - 0.5, 1)`, not normalised, so that straight lines in the
+/// `chart` holds the homogeneous directions `(u, v, 1)`, or `(u, -v, 1)` where the file mirrors, not normalised, so that straight lines in the
 /// plane are great circles; faces that look the other way in the plane are refused. The lattice's edge in the plane is
 /// the asked length divided by the mean stretch of the organ's coordinates, so the triangles are only as regular on the
 /// surface as those coordinates are. Lattice triangles that touch no face are left out; parts of triangles off the
