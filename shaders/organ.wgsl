@@ -4,6 +4,9 @@
 
 #import bevy_render::view::View
 #import bevy_surgery::lights::OrganLights
+#ifdef TONEMAP_IN_SHADER
+#import bevy_core_pipeline::tonemapping::tone_mapping
+#endif
 
 struct OrganUniform {
     world_from_organ: mat4x4<f32>,
@@ -53,4 +56,14 @@ fn secondary_vertex(corner: CornerVertex) -> SecondaryVertex {
 fn to_eye(position_world_m: vec3<f32>) -> vec3<f32> {
     let is_parallel = view.clip_from_view[3].w == 1.0;
     return normalize(select(view.world_position - position_world_m, view.world_from_view[2].xyz, is_parallel));
+}
+
+// What a layer writes for a radiance in the world: exposed, and tonemapped where the camera does not do so later.
+fn to_target(radiance: vec3<f32>, opacity: f32) -> vec4<f32> {
+    let exposed = vec4(radiance * view.exposure, opacity);
+#ifdef TONEMAP_IN_SHADER
+    return tone_mapping(exposed, view.color_grading);
+#else
+    return exposed;
+#endif
 }

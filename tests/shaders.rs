@@ -76,11 +76,21 @@ fn composer() -> Composer {
 }
 
 fn definitions() -> HashMap<String, ShaderDefValue> {
-    HashMap::from([("TONEMAPPING_PASS".to_string(), ShaderDefValue::Bool(true))])
+    let binding = |name: &str, place| (name.to_string(), ShaderDefValue::UInt(place));
+    HashMap::from([
+        binding("TONEMAPPING_LUT_TEXTURE_BINDING_INDEX", 1),
+        binding("TONEMAPPING_LUT_SAMPLER_BINDING_INDEX", 2),
+    ])
 }
 
 fn compose(composer: &mut Composer, path: &str, source: &str) -> Result<naga::Module, String> {
-    let descriptor = NagaModuleDescriptor { source, file_path: path, shader_defs: definitions(), ..default() };
+    compose_with(composer, path, source, &[])
+}
+
+fn compose_with(composer: &mut Composer, path: &str, source: &str, more: &[&str]) -> Result<naga::Module, String> {
+    let mut shader_defs = definitions();
+    shader_defs.extend(more.iter().map(|name| (name.to_string(), ShaderDefValue::Bool(true))));
+    let descriptor = NagaModuleDescriptor { source, file_path: path, shader_defs, ..default() };
     let module = composer.make_naga_module(descriptor).map_err(|error| error.emit_to_string(composer))?;
     let mut validator = Validator::new(ValidationFlags::all(), Capabilities::all());
     validator.validate(&module).map_err(|error| error.emit_to_string(source))?;
@@ -105,6 +115,11 @@ fn every_shader_composes_and_validates() {
     for shader in SHADERS {
         if let Err(reason) = compose(&mut composer, shader.path, shader.source) {
             panic!("{}: {reason}", shader.path);
+        }
+        // As on a camera without HDR.
+        let tonemapping = ["TONEMAP_IN_SHADER", "TONEMAP_METHOD_AGX"];
+        if let Err(reason) = compose_with(&mut composer, shader.path, shader.source, &tonemapping) {
+            panic!("{} with tonemapping: {reason}", shader.path);
         }
     }
     let wrong = "@fragment fn fragment() -> @location(0) vec4<f32> { return 1.0; }";

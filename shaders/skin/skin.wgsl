@@ -3,7 +3,7 @@
 // exposure, as Bevy's own materials write it. Rust twin: `skin/render/prepare.rs`.
 
 #import bevy_surgery::lights::{incident, RING}
-#import bevy_surgery::organ::{CornerVertex, organ, secondary_vertex, to_eye, view}
+#import bevy_surgery::organ::{CornerVertex, organ, secondary_vertex, to_eye, to_target, view}
 
 struct SkinUniform {
     tint: vec3<f32>,
@@ -124,5 +124,5 @@ fn fragment(in: Varying) -> @location(0) vec4<f32> {
         sheen += beam.illuminance_lux * max(cosine, 0.0) * lobe * fresnel;
     }
     let radiance = (albedo * diffuse + skin.sheen * sheen) / PI;
-    return vec4(radiance * view.exposure, 1.0);
+    return to_target(radiance, 1.0);
 }

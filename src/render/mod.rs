@@ -4,6 +4,7 @@ mod capability;
 mod lights;
 mod passes;
 mod shaders;
+mod tonemapping;
 mod uploads;
 
 pub use capability::{GraphicsAdapter, graphics_adapters};
@@ -13,6 +14,7 @@ pub use lights::{
 };
 pub use passes::OrganPasses;
 pub use shaders::{EmbeddedShader, SHADERS, shader_path};
+pub(crate) use tonemapping::tonemapping_definitions;
 pub use uploads::UploadedBytes;
 
 use bevy::prelude::*;

@@ -2,12 +2,16 @@
 
 use super::extract::{ExtractedOrgans, PrimaryVertex};
 use crate::organ::OrganModel;
-use crate::render::{OrganLights, SceneLights, UploadedBytes, shader_path, strongest_lights};
+use crate::render::{OrganLights, SceneLights, UploadedBytes, shader_path, strongest_lights, tonemapping_definitions};
 use bevy::core_pipeline::core_3d::CORE_3D_DEPTH_FORMAT;
+use bevy::core_pipeline::tonemapping::{
+    Tonemapping, TonemappingLuts, get_lut_bind_group_layout_entries, get_lut_bindings,
+};
 use bevy::ecs::change_detection::Tick;
 use bevy::ecs::system::{SystemParamItem, lifetimeless::SRes};
 use bevy::mesh::VertexBufferLayout;
 use bevy::prelude::*;
+use bevy::render::camera::ExtractedCamera;
 use bevy::render::render_asset::{PrepareAssetError, RenderAsset, RenderAssets};
 use bevy::render::render_resource::{
     binding_types::{storage_buffer_read_only_sized, uniform_buffer},
@@ -15,7 +19,8 @@ use bevy::render::render_resource::{
 };
 use bevy::render::renderer::{RenderDevice, RenderQueue};
 use bevy::render::sync_world::MainEntity;
-use bevy::render::view::{ViewUniform, ViewUniforms};
+use bevy::render::texture::{FallbackImage, GpuImage};
+use bevy::render::view::{ExtractedView, ViewUniform, ViewUniformOffset, ViewUniforms};
 use bytemuck::{Pod, Zeroable};
 use std::collections::BTreeMap;
 
@@ -98,17 +103,25 @@ pub struct OrganUniform {
 /// Bind group layouts that all layers share.
 #[derive(Resource, Clone)]
 pub struct OrganLayouts {
-    /// Group 0: Bevy's view uniform, with a dynamic offset.
+    /// Group 0: Bevy's view uniform, with a dynamic offset, and the view's tonemapping texture with its sampler.
     pub view: BindGroupLayoutDescriptor,
     /// Group 1: [`OrganUniform`] with a dynamic offset, and the primary vertices.
     pub organ: BindGroupLayoutDescriptor,
 }
 
 pub(super) fn init_layouts(mut commands: Commands) {
+    let [lut_texture, lut_sampler] = get_lut_bind_group_layout_entries();
     commands.insert_resource(OrganLayouts {
         view: BindGroupLayoutDescriptor::new(
             "organ_view_layout",
-            &BindGroupLayoutEntries::single(ShaderStages::VERTEX_FRAGMENT, uniform_buffer::<ViewUniform>(true)),
+            &BindGroupLayoutEntries::sequential(
+                ShaderStages::FRAGMENT,
+                (
+                    uniform_buffer::<ViewUniform>(true).visibility(ShaderStages::VERTEX_FRAGMENT),
+                    lut_texture,
+                    lut_sampler,
+                ),
+            ),
         ),
         organ: BindGroupLayoutDescriptor::new(
             "organ_layout",
@@ -124,7 +137,7 @@ pub(super) fn init_layouts(mut commands: Commands) {
 }
 
 /// Which faces of an organ are drawn.
-#[derive(PartialEq, Eq, Hash, Clone, Copy, Debug, Default, SpecializerKey)]
+#[derive(PartialEq, Eq, Hash, Clone, Copy, Debug, Default)]
 pub enum OrganSides {
     /// The outside of a closed organ: half the work.
     #[default]
@@ -141,20 +154,50 @@ impl OrganSides {
 }
 
 /// What an organ layer's pipeline depends on in a view.
-#[derive(PartialEq, Eq, Hash, Clone, Copy, Debug, SpecializerKey)]
+#[derive(PartialEq, Eq, Hash, Clone, Copy, Debug)]
 pub struct OrganPipelineKey {
     /// Format of the view's main texture.
     pub format: TextureFormat,
     /// Samples per pixel.
     pub samples: u32,
+    /// How the shader itself tonemaps: on cameras without HDR, and there only.
+    pub tonemapping: Tonemapping,
     /// Which faces are drawn.
     pub sides: OrganSides,
 }
 
+// By hand, because Bevy's `Tonemapping` is no key itself.
+impl SpecializerKey for OrganPipelineKey {
+    const IS_CANONICAL: bool = true;
+    type Canonical = Self;
+}
+
 impl OrganPipelineKey {
+    /// The key of a view.
+    pub fn of_view(
+        view: &ExtractedView,
+        camera: &ExtractedCamera,
+        msaa: &Msaa,
+        tonemapping: Option<&Tonemapping>,
+        sides: OrganSides,
+    ) -> Self {
+        let by_shader = tonemapping.filter(|_| !camera.hdr).copied();
+        Self {
+            format: view.target_format,
+            samples: msaa.samples(),
+            tonemapping: by_shader.unwrap_or(Tonemapping::None),
+            sides,
+        }
+    }
+
     /// Writes what all layers have in common into a descriptor.
     pub fn apply(self, descriptor: &mut RenderPipelineDescriptor) {
         descriptor.multisample.count = self.samples;
+        let definitions = tonemapping_definitions(self.tonemapping);
+        if let Some(fragment) = &mut descriptor.fragment {
+            fragment.shader_defs.extend(definitions.clone());
+        }
+        descriptor.vertex.shader_defs.extend(definitions);
         descriptor.primitive.cull_mode = match self.sides {
             OrganSides::Outside => Some(Face::Back),
             OrganSides::OutsideMirrored => Some(Face::Front),
@@ -275,12 +318,16 @@ pub(super) fn write_buffers(
 /// Bind groups of this frame.
 #[derive(Resource, Default)]
 pub struct OrganBindGroups {
-    /// Group 0; takes the view's offset.
-    pub view: Option<BindGroup>,
+    views: BTreeMap<Entity, BindGroup>,
     organs: BTreeMap<MainEntity, (BindGroup, u32)>,
 }
 
 impl OrganBindGroups {
+    /// Group 0 of a view (an entity of the render world); takes the view's offset.
+    pub fn view(&self, view: Entity) -> Option<&BindGroup> {
+        self.views.get(&view)
+    }
+
     /// Group 1 of an organ with its dynamic offset.
     pub fn organ(&self, entity: MainEntity) -> Option<(&BindGroup, u32)> {
         self.organs.get(&entity).map(|(group, offset)| (group, *offset))
@@ -293,14 +340,24 @@ pub(super) fn prepare_bind_groups(
     extracted: Res<ExtractedOrgans>,
     models: Res<RenderAssets<GpuOrganModel>>,
     layouts: Res<OrganLayouts>,
-    views: Res<ViewUniforms>,
+    views: Query<(Entity, Option<&Tonemapping>), With<ViewUniformOffset>>,
+    view_uniforms: Res<ViewUniforms>,
+    luts: Res<TonemappingLuts>,
+    images: Res<RenderAssets<GpuImage>>,
+    fallback: Res<FallbackImage>,
     cache: Res<PipelineCache>,
     device: Res<RenderDevice>,
 ) {
-    groups.view = views.uniforms.binding().map(|binding| {
+    groups.views.clear();
+    if let Some(binding) = view_uniforms.uniforms.binding() {
         let layout = cache.get_bind_group_layout(&layouts.view);
-        device.create_bind_group("organ_view", &layout, &BindGroupEntries::single(binding))
-    });
+        for (view, tonemapping) in &views {
+            let tonemapping = tonemapping.unwrap_or(&Tonemapping::None);
+            let (lut, sampler) = get_lut_bindings(&images, &luts, tonemapping, &fallback);
+            let entries = BindGroupEntries::sequential((binding.clone(), lut, sampler));
+            groups.views.insert(view, device.create_bind_group("organ_view", &layout, &entries));
+        }
+    }
     groups.organs.clear();
     let Some(uniform) = buffers.uniforms.binding() else { return };
     let layout = cache.get_bind_group_layout(&layouts.organ);

@@ -32,8 +32,9 @@ pub(super) fn draw_skins(
     cache: Res<PipelineCache>,
     mut ctx: RenderContext,
 ) {
+    let view_entity = view.entity();
     let (camera, extracted, target, depth, view_offset, visible, pipelines, resolution) = view.into_inner();
-    let (Some(view_group), Some(visible)) = (&organ_groups.view, visible.get::<Organ>()) else { return };
+    let (Some(view_group), Some(visible)) = (organ_groups.view(view_entity), visible.get::<Organ>()) else { return };
     let visible = visible.entities_cpu_culling.iter();
     let mut drawable: Vec<_> = visible
         .filter_map(|&(_, entity)| {

@@ -7,6 +7,7 @@ use crate::organ::render::{
 };
 use crate::render::UploadedBytes;
 use crate::skin::tiles::assign_tiles;
+use bevy::core_pipeline::tonemapping::Tonemapping;
 use bevy::prelude::*;
 use bevy::render::camera::ExtractedCamera;
 use bevy::render::render_asset::RenderAssets;
@@ -95,11 +96,11 @@ pub(super) fn prepare_pipelines(
     mut commands: Commands,
     cache: Res<PipelineCache>,
     mut pipeline: ResMut<SkinPipeline>,
-    views: Query<(Entity, &ExtractedView, &Msaa), With<ExtractedCamera>>,
+    views: Query<(Entity, &ExtractedView, &ExtractedCamera, &Msaa, Option<&Tonemapping>)>,
 ) -> Result {
-    for (entity, view, msaa) in &views {
+    for (entity, view, camera, msaa, tonemapping) in &views {
         let mut id = |sides| {
-            let key = OrganPipelineKey { format: view.target_format, samples: msaa.samples(), sides };
+            let key = OrganPipelineKey::of_view(view, camera, msaa, tonemapping, sides);
             pipeline.variants.specialize(&cache, key)
         };
         let [outside, mirrored, both] = OrganSides::ALL;
