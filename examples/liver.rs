@@ -1,4 +1,5 @@
-//! A liver under the endoscope: real where one is at hand, otherwise the one that ships with the crate.
+//! A liver under the endoscope: real where one is at hand, otherwise the one that ships with the crate. With
+//! `--preset` it is another organ.
 //!
 //! Drag with the left button to turn it, with the right to move, scroll to come closer; Escape ends.
 
@@ -32,18 +33,28 @@ fn setup(
     assets: Res<AssetServer>,
     mut models: ResMut<Assets<OrganModel>>,
 ) -> Result {
-    // Files come in all units: whatever they say, a liver is some 22 cm wide.
-    let options = OrganOptions::default().with_largest_extent_m(0.22).centred();
-    let liver = common::organ(&args, Some("liver-smooth.obj"), options, &assets, &mut models)?;
-    commands.spawn((Organ(liver), Skin { seed: args.seed, ..Skin::liver() }, Patient));
+    let extent_m = args.preset.typical_extent_m();
+    // Files come in all units: whatever they say, an organ is as large as its kind.
+    let options = OrganOptions::default().with_largest_extent_m(extent_m).centred();
+    let real = match args.preset {
+        OrganPreset::Liver => Some("liver-smooth.obj"),
+        OrganPreset::Gallbladder => Some("gallbladder.stl"),
+        _ => None,
+    };
+    let organ = common::organ(&args, real, options, &assets, &mut models)?;
+    commands.spawn((Organ(organ), Skin { seed: args.seed, ..args.preset.skin() }, Patient));
     // The wall of the abdomen round it: the same kind of organ, hollow and seen from inside.
     let wall = procedural_ellipsoid(Vec3::new(0.26, 0.24, 0.26), 12);
     let wall = OrganModel::from_mesh_cached(wall, "abdominal wall", &OrganOptions::default(), &default())?;
     commands.spawn((Organ(models.add(wall)), Hollow, Skin { seed: args.seed, ..Skin::mucosa() }));
+    // A smaller organ is looked at from nearer, with less light.
+    let nearness = extent_m / OrganPreset::Liver.typical_extent_m();
+    let light = ScopeLight::default();
     let mut scope = commands.spawn((
         Endoscope::default(),
+        ScopeLight { intensity_cd: light.intensity_cd * nearness * nearness, ..light },
         stage.target.clone(),
-        Transform::from_xyz(0.0, 0.09, 0.18).looking_at(Vec3::ZERO, Vec3::Y),
+        Transform::from_translation(Vec3::new(0.0, 0.09, 0.18) * nearness).looking_at(Vec3::ZERO, Vec3::Y),
     ));
     if stage.viewer == Viewer::Person {
         scope.insert(PanOrbitCamera { zoom_lower_limit: 0.02, zoom_sensitivity: 0.3, ..default() });

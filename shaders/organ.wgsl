@@ -12,6 +12,7 @@ struct OrganUniform {
     world_from_organ: mat4x4<f32>,
     world_from_organ_normal: mat4x4<f32>,
     lights: OrganLights,
+    handedness: f32,
 }
 
 struct PrimaryVertex {

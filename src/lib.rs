@@ -18,6 +18,14 @@
 //! }
 //! ```
 //!
+//! The crate `bevy_panorbit_camera` lets a mouse turn the endoscope about what it looks at, as in the example `liver`:
+//!
+//! ```ignore
+//! use bevy_panorbit_camera::{PanOrbitCamera, PanOrbitCameraPlugin};
+//! app.add_plugins(PanOrbitCameraPlugin);
+//! commands.spawn((Endoscope::default(), PanOrbitCamera { zoom_lower_limit: 0.02, ..default() }));
+//! ```
+//!
 //! Lengths are metres, angles radians, light photometric as in Bevy. The models run on the CPU, deterministically and
 //! without a GPU; the GPU shows them. With `default-features = false` nothing but the models is built.
 
@@ -38,11 +46,18 @@ pub mod view;
 /// What a scene needs, in one import.
 pub mod prelude {
     pub use crate::SurgeryPlugins;
-    pub use crate::organ::{Hollow, Organ, OrganModel, OrganOptions, OrganShape, SurfacePoint};
-    pub use crate::schedule::SurgerySystems;
-    pub use crate::skin::{OrganPreset, Skin};
+    pub use crate::organ::clean::{Topology, Weld};
+    pub use crate::organ::load::{LoadOptions, MeshUnit};
+    pub use crate::organ::{
+        ChartKind, Hollow, Organ, OrganModel, OrganOptions, OrganPlugin, OrganShape, SurfacePoint, procedural_ellipsoid,
+    };
     #[cfg(feature = "render")]
-    pub use crate::view::{Endoscope, ScopeLight, ScopeMask};
+    pub use crate::render::{OrganPasses, SurgeryRenderPlugin};
+    pub use crate::schedule::{SurgerySchedulePlugin, SurgerySystems};
+    pub use crate::skin::tiles::TileOptions;
+    pub use crate::skin::{OrganPreset, Skin, SkinPlugin, TileSource};
+    #[cfg(feature = "render")]
+    pub use crate::view::{Endoscope, ScopeLight, ScopeMask, SurgeryViewPlugin};
 }
 
 use bevy::app::{PluginGroup, PluginGroupBuilder};

@@ -17,7 +17,8 @@ use bevy::prelude::*;
 /// | [`Flow`](Self::Flow) | cuts, tools, bleeders | the fluid pool |
 /// | [`Judge`](Self::Judge) | everything above | event log, goals, metrics |
 /// | [`Publish`](Self::Publish) | dirty regions | what the render world takes next frame |
-#[derive(SystemSet, Debug, Clone, Copy, PartialEq, Eq, Hash)]
+#[derive(SystemSet, Debug, Clone, Copy, PartialEq, Eq, Hash, Reflect)]
+#[reflect(Debug, Clone, PartialEq, Hash)]
 pub enum SurgerySystems {
     /// Devices, mouse or a recording become tool poses and commands. Write poses of your own device here; nothing
     /// that reads a pose may run before this stage.
@@ -51,6 +52,7 @@ pub struct SurgerySchedulePlugin {
 impl Plugin for SurgerySchedulePlugin {
     fn build(&self, app: &mut App) {
         use SurgerySystems::{Cut, Deform, Flow, Judge, Publish, React, Sense, Touch};
+        app.register_type::<SurgerySystems>();
         app.configure_sets(FixedUpdate, (Sense, Touch, Cut, Deform, React, Flow, Judge, Publish).chain());
         let bevys_own = Time::<Fixed>::default().timestep();
         let current = app.world().get_resource::<Time<Fixed>>().map(Time::<Fixed>::timestep);

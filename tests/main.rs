@@ -1,5 +1,6 @@
 //! All integration tests in one binary: linking Bevy is the slow part.
 
+mod documents;
 mod harness;
 mod organ_asset;
 mod organ_atlas;
@@ -9,7 +10,9 @@ mod organ_texture_mesh;
 mod reflection;
 mod schedule;
 mod shaders;
+mod skin_library;
 mod skin_pass;
+mod skin_texture;
 mod skin_tiles;
 mod support;
 mod view;

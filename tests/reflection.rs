@@ -8,10 +8,7 @@ use std::path::Path;
 const NOT_DATA: &[(&str, &str)] = &[
     ("Plugin", "a plugin"),
     ("Plugins", "a group of plugins"),
-    ("Error", "an error"),
-    ("Fault", "an error"),
     ("Loader", "an asset loader"),
-    ("SurgerySystems", "a system set"),
     ("OrganPasses", "a system set"),
     ("PrepareOrgans", "a system set"),
     ("TestApp", "the test harness"),

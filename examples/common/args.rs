@@ -1,6 +1,7 @@
 //! The arguments of all examples.
 
 use bevy::prelude::*;
+use bevy_surgery::skin::OrganPreset;
 use std::path::PathBuf;
 
 /// Where the models' kernels run.
@@ -13,7 +14,7 @@ pub enum Backend {
 }
 
 /// Arguments of every example. With a display a window opens; without one, or with --out, frames are drawn headless
-/// and written with a report.json.
+/// and written with a report.json. Relative paths count from the working folder.
 #[derive(clap::Parser, Resource, Clone, Debug)]
 pub struct Args {
     /// Steps to run headless; a window runs until it is closed.
@@ -43,6 +44,10 @@ pub struct Args {
     /// An organ of your own: OBJ, STL, PLY, glTF or GLB; closed and without handles.
     #[arg(long, value_name = "PATH")]
     pub mesh: Option<PathBuf>,
+    /// Skin and size of the organ in the example liver: liver, gallbladder, spleen, kidney or mucosa.
+    #[arg(long, value_name = "NAME", default_value = "liver")]
+    #[allow(dead_code, reason = "not every example shows a single organ")]
+    pub preset: OrganPreset,
 }
 
 fn parse_size(text: &str) -> Result<UVec2, String> {

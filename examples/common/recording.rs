@@ -32,8 +32,13 @@ fn read(file: &Path) -> Result<Vec<[f32; 7]>, String> {
     let value: serde_json::Value = serde_json::from_str(&text).map_err(|error| fault(error.to_string()))?;
     let path: Vec<[f32; 7]> = serde_json::from_value(value["camera_path"].clone())
         .map_err(|error| fault(format!("camera_path must be a list of seven numbers per step: {error}")))?;
-    match path.iter().position(|place| place.iter().any(|number| !number.is_finite())) {
-        Some(step) => Err(fault(format!("camera_path: step {step} holds a number that is not finite"))),
+    if let Some(step) = path.iter().position(|place| place.iter().any(|number| !number.is_finite())) {
+        return Err(fault(format!("camera_path: step {step} holds a number that is not finite")));
+    }
+    // A turn is scaled to length 1, which neither nothing nor what overflows can be.
+    let is_turn = |&[_, _, _, i, j, k, w]: &[f32; 7]| (1e-6..f32::INFINITY).contains(&Vec4::new(i, j, k, w).length());
+    match path.iter().position(|place| !is_turn(place)) {
+        Some(step) => Err(fault(format!("camera_path: the last four numbers of step {step} are no rotation"))),
         None => Ok(path),
     }
 }

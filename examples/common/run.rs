@@ -2,7 +2,7 @@
 
 use super::args::{Args, Backend};
 use super::{recording, report::Measures};
-use bevy::asset::{LoadState, UnapprovedPathMode};
+use bevy::asset::{AssetLoadError, LoadState, UnapprovedPathMode};
 use bevy::camera::RenderTarget;
 use bevy::pbr::PbrPlugin;
 use bevy::prelude::*;
@@ -17,6 +17,8 @@ use serde_json::{Map, Value};
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 use std::sync::{Arc, Mutex, PoisonError};
+#[cfg(target_os = "linux")]
+use std::time::Duration;
 use std::time::Instant;
 
 /// Who moves the view.
@@ -83,26 +85,36 @@ pub fn organ(
 ) -> Result<Handle<OrganModel>> {
     let beside =
         |name| Path::new(env!("CARGO_MANIFEST_DIR")).join("../shared/data/mesh").join(name).canonicalize().ok();
-    let Some(file) = args.mesh.clone().or_else(|| real.and_then(beside)) else {
+    // Bevy would look for a relative path among the crate's assets.
+    let given = args.mesh.as_ref().map(std::path::absolute).transpose()?;
+    let Some(file) = given.or_else(|| real.and_then(beside)) else {
         return Ok(models.add(OrganModel::procedural_liver(&options)?));
     };
     let with_options = move |settings: &mut OrganOptions| *settings = options.clone();
     Ok(assets.load_builder().with_settings(with_options).override_unapproved().load(file))
 }
 
-/// Whether a window can be opened: on Linux, whether an X server answers at `DISPLAY`.
+/// Whether a window can be opened: whether an X server answers at `DISPLAY` (`:0`, `unix:0.0` or `host:10.0`).
+#[cfg(target_os = "linux")]
 fn has_display() -> bool {
-    if !cfg!(target_os = "linux") {
-        return true;
-    }
+    use std::net::{TcpStream, ToSocketAddrs};
+    use std::os::unix::net::UnixStream;
     let display = std::env::var("DISPLAY").unwrap_or_default();
-    match display.strip_prefix(':') {
-        Some(number) => {
-            let number = number.split('.').next().unwrap_or_default();
-            Path::new("/tmp/.X11-unix").join(format!("X{number}")).exists()
-        }
-        None => !display.is_empty(),
+    let Some((host, screen)) = display.rsplit_once(':') else { return false };
+    let Ok(number) = screen.split('.').next().unwrap_or_default().parse::<u16>() else { return false };
+    if matches!(host, "" | "unix") {
+        // The file alone says nothing: a server that died leaves it behind.
+        return UnixStream::connect(format!("/tmp/.X11-unix/X{number}")).is_ok();
     }
+    let Some(port) = number.checked_add(6000) else { return false };
+    let addresses = (host, port).to_socket_addrs().into_iter().flatten();
+    addresses.take(4).any(|address| TcpStream::connect_timeout(&address, Duration::from_millis(500)).is_ok())
+}
+
+/// Whether a window can be opened: elsewhere there always is a desktop.
+#[cfg(not(target_os = "linux"))]
+fn has_display() -> bool {
+    true
 }
 
 fn run_window(args: &Args, name: &str, add: impl FnOnce(&mut App)) -> Result<(), String> {
@@ -136,9 +148,10 @@ fn run_window(args: &Args, name: &str, add: impl FnOnce(&mut App)) -> Result<(),
     app.add_systems(
         Update,
         move |assets: Res<AssetServer>,
-              organs: Query<&Organ, Without<OrganShape>>,
+              models: Res<Assets<OrganModel>>,
+              organs: Query<(&Organ, Option<&OrganShape>)>,
               mut exit: MessageWriter<AppExit>| {
-            if let Some(reason) = failed_organ(&assets, organs.iter().map(|organ| organ.0.clone())) {
+            if let Some(reason) = failed_organ(&assets, &unshaped(&models, organs.iter())) {
                 slot.lock().unwrap_or_else(PoisonError::into_inner).replace(reason);
                 exit.write(AppExit::error());
             }
@@ -213,11 +226,29 @@ fn run_models(
     write_report(&out, measures.report("none", args.size, counters))
 }
 
+/// The models whose shape organs do not have yet; an organ whose model was exchanged keeps its old shape meanwhile.
+fn unshaped<'w>(
+    models: &Assets<OrganModel>,
+    organs: impl Iterator<Item = (&'w Organ, Option<&'w OrganShape>)>,
+) -> Vec<Handle<OrganModel>> {
+    let is_shaped = |organ: &Organ, shape: Option<&OrganShape>| {
+        models.get(&organ.0).zip(shape).is_some_and(|(model, shape)| shape.is_of(model))
+    };
+    organs.filter(|(organ, shape)| !is_shaped(organ, *shape)).map(|(organ, _)| organ.0.clone()).collect()
+}
+
 /// Why an organ's file could not be used, if one could not.
-fn failed_organ(assets: &AssetServer, organs: impl IntoIterator<Item = Handle<OrganModel>>) -> Option<String> {
-    organs.into_iter().find_map(|organ| match assets.load_state(&organ) {
-        // The first line: with RUST_BACKTRACE set, more follow.
-        LoadState::Failed(error) => error.to_string().lines().next().map(ToString::to_string),
+fn failed_organ(assets: &AssetServer, organs: &[Handle<OrganModel>]) -> Option<String> {
+    organs.iter().find_map(|organ| match assets.load_state(organ) {
+        LoadState::Failed(error) => {
+            // Bevy wraps what the loader says in the file's name and the loader's type.
+            let text = match &*error {
+                AssetLoadError::AssetLoaderError(error) => error.error().to_string(),
+                other => other.to_string(),
+            };
+            // The first line: with RUST_BACKTRACE set, more follow.
+            text.lines().next().map(ToString::to_string)
+        }
         _ => None,
     })
 }
@@ -227,11 +258,11 @@ fn wait_for_organs(app: &mut TestApp, measures: &mut Measures) -> Result<(), Str
     let started = Instant::now();
     let mut failed = None;
     app.idle_until("organs", |app| {
-        let mut waiting = app.world_mut().query_filtered::<&Organ, Without<OrganShape>>();
-        let waiting: Vec<_> = waiting.iter(app.world()).map(|organ| organ.0.clone()).collect();
-        let is_done = waiting.is_empty();
-        failed = failed_organ(app.world().resource::<AssetServer>(), waiting);
-        is_done || failed.is_some()
+        let mut organs = app.world_mut().query::<(&Organ, Option<&OrganShape>)>();
+        let world = app.world();
+        let waiting = unshaped(world.resource::<Assets<OrganModel>>(), organs.iter(world));
+        failed = failed_organ(world.resource::<AssetServer>(), &waiting);
+        waiting.is_empty() || failed.is_some()
     });
     measures.organs_ready = started.elapsed();
     failed.map_or(Ok(()), Err)

@@ -2,7 +2,7 @@
 // Spaces: tile (barycentric), world. Colours are linear; the result is scene-referred radiance times the view's
 // exposure, as Bevy's own materials write it. Rust twin: `skin/render/prepare.rs`.
 
-#import bevy_surgery::lights::{incident, RING}
+#import bevy_surgery::lights::incident
 #import bevy_surgery::organ::{CornerVertex, organ, secondary_vertex, to_eye, to_target, view}
 
 struct SkinUniform {
@@ -21,6 +21,9 @@ struct SkinUniform {
 @group(2) @binding(3) var tiles_sampler: sampler;
 
 const PI: f32 = 3.141592653589793;
+// How soon relief fades with the square of a pixel's size in texels, and how much rougher the sheen is then.
+const FADE: f32 = 0.012;
+const ROUGHEN: f32 = 0.0015;
 
 struct Varying {
     @invariant @builtin(position) clip: vec4<f32>,
@@ -98,16 +101,20 @@ fn raised(normal: vec3<f32>, position_world_m: vec3<f32>, height_m: f32) -> vec3
 }
 
 @fragment
-fn fragment(in: Varying) -> @location(0) vec4<f32> {
+fn fragment(in: Varying, @builtin(front_facing) is_front: bool) -> @location(0) vec4<f32> {
     let texel = textureSample(tiles, tiles_sampler, in.tile_uv, in.tile).rgb;
     let hue = vec3(in.mottle.y, 1.0, 2.0 - in.mottle.y);
     let albedo = texel * skin.tint * in.mottle.x * mix(vec3(1.0), hue, 0.5);
     let eye = to_eye(in.position_world_m);
-    let flat_normal = normalize(in.normal_world);
     // Seen from behind (an open surface, a hollow organ): shade the side that is seen.
-    let normal = select(-flat_normal, flat_normal, dot(flat_normal, eye) > -0.2);
-    // Pale septa lie deeper than the lobules between them; the moist surface shows it by its reflections only.
-    let glossy = raised(normal, in.position_world_m, -skin.relief_m * dot(texel, vec3(0.6, 0.3, 0.1)));
+    let is_outside = is_front == (organ.handedness > 0.0);
+    let normal = normalize(select(-in.normal_world, in.normal_world, is_outside));
+    // Pale septa lie deeper than the lobules between them; the moist surface shows it by its reflections only. Where
+    // a pixel covers several texels, their relief is too fine to be seen and makes the surface rougher instead.
+    let texels = fwidth(in.tile_uv) * f32(textureDimensions(tiles).x);
+    let seen = 1.0 / (1.0 + FADE * dot(texels, texels));
+    let glossy = raised(normal, in.position_world_m, -seen * skin.relief_m * dot(texel, vec3(0.6, 0.3, 0.1)));
+    let exponent = skin.sheen_exponent / (1.0 + ROUGHEN * (1.0 - seen) * skin.sheen_exponent);
     // The shade's edge turns red: long paths through flesh absorb the other colours.
     let wrap = skin.scatter * vec3(1.0, 0.45, 0.35);
     var diffuse = organ.lights.ambient * PI;
@@ -118,7 +125,7 @@ fn fragment(in: Varying) -> @location(0) vec4<f32> {
         let cosine = dot(normal, beam.to_light);
         diffuse += beam.illuminance_lux * (max(vec3(cosine) + wrap, vec3(0.0)) / ((1.0 + wrap) * (1.0 + wrap)) + light.ambient_fraction);
         let halfway = normalize(beam.to_light + eye);
-        let lobe = pow(max(dot(glossy, halfway), 0.0), skin.sheen_exponent) * (skin.sheen_exponent + 2.0) * 0.125;
+        let lobe = pow(max(dot(glossy, halfway), 0.0), exponent) * (exponent + 2.0) * 0.125;
         let facing = 1.0 - max(dot(eye, halfway), 0.0);
         let fresnel = 0.028 + 0.972 * facing * facing * facing * facing * facing;
         sheen += beam.illuminance_lux * max(cosine, 0.0) * lobe * fresnel;

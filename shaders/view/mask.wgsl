@@ -28,7 +28,8 @@ fn vertex(@builtin(vertex_index) index: u32, @builtin(instance_index) ring: u32)
     let radius = select(inner, outer, is_outer);
     let place = vec2(cos(angle) / mask.aspect, sin(angle)) * radius;
     let opacity = select(select(0.0, 1.0, is_outer), 1.0, ring == 1u);
-    return Varying(vec4(place, 0.0, 1.0), opacity);
+    // At the near plane (Bevy's depth is reversed), for the pass that keeps hidden pixels from being shaded.
+    return Varying(vec4(place, 1.0, 1.0), opacity);
 }
 
 @fragment

@@ -4,8 +4,8 @@ use super::atlas::{Atlas, FaceTable};
 use super::cache::OrganCache;
 use super::chart::{self, ChartError, ChartOptions, ChartReport};
 use super::error::MeshError;
-use super::load::{LoadOptions, MeshUnit};
-use super::mesh::SurfaceMesh;
+use super::load::{LoadOptions, MeshUnit, check_unit, scale_to_metres};
+use super::mesh::{NO_FACE, SurfaceMesh};
 use super::planar::{PlanarChart, PlanarError};
 use super::procedural::{ProceduralLiver, procedural_liver};
 use super::sphere::SphereMesh;
@@ -76,7 +76,7 @@ impl OrganOptions {
 }
 
 /// Why a file is no organ.
-#[derive(Debug, thiserror::Error)]
+#[derive(Clone, Debug, PartialEq, Reflect, thiserror::Error)]
 pub enum OrganError {
     /// The file could not be read from its place.
     #[error("{file}: {error}")]
@@ -172,7 +172,8 @@ impl Deref for OrganModel {
 }
 
 impl OrganModel {
-    /// Makes an organ from a surface. `name` is what errors call it.
+    /// Makes an organ from a surface. `name` is what errors call it. A closed surface whose faces look inward is turned
+    /// outward, as in files.
     ///
     /// # Errors
     /// [`OrganError`] where the surface has no chart of the asked kind or an option makes no sense.
@@ -194,6 +195,7 @@ impl OrganModel {
         if !(16..=8192).contains(&width_px) {
             return Err(OrganError::TableWidth { file: name.into(), width_px });
         }
+        turn_outward(&mut mesh);
         if options.centre {
             let (low, high) = mesh.bounds_m();
             mesh.positions_m.iter_mut().for_each(|position| *position -= (low + high) * 0.5);
@@ -249,16 +251,36 @@ impl OrganModel {
     /// unit says otherwise. Some tenths of a second the first time, then from the user's cache.
     ///
     /// # Errors
-    /// As [`OrganModel::from_mesh`], for senseless options.
+    /// As [`OrganModel::from_mesh`], for senseless options; as for files, a senseless unit is one.
     pub fn procedural_liver(options: &OrganOptions) -> Result<Self, OrganError> {
+        let name = "procedural liver";
+        let fault = |fault| MeshError::new(name, fault);
+        check_unit(options.load.unit).map_err(fault)?;
         let mut mesh = procedural_liver(&ProceduralLiver::default());
-        let (low, high) = mesh.bounds_m();
-        let scale = match options.load.unit {
-            MeshUnit::Metres(factor) => factor,
-            MeshUnit::LargestExtent(extent_m) => extent_m / (high - low).max_element(),
-        };
-        mesh.positions_m.iter_mut().for_each(|position| *position *= scale);
-        Self::from_mesh_cached(mesh, "procedural liver", options, &OrganCache::default())
+        scale_to_metres(&mut mesh, options.load.unit).map_err(fault)?;
+        Self::from_mesh_cached(mesh, name, options, &OrganCache::default())
+    }
+}
+
+/// Turns a closed surface that encloses a negative volume: its skin would be drawn from inside, and lit there.
+///
+/// Open surfaces have no outside, and faulty ones are left to whoever names the fault.
+fn turn_outward(mesh: &mut SurfaceMesh) {
+    let count = mesh.positions_m.len();
+    let is_sound = mesh.triangles.as_flattened().iter().all(|&vertex| (vertex as usize) < count);
+    if !is_sound || mesh.neighbours().as_flattened().contains(&NO_FACE) {
+        return;
+    }
+    // About a place of the surface itself: the origin may be far off and cost digits.
+    let origin = mesh.positions_m.first().copied().unwrap_or_default().as_dvec3();
+    let volume_m3: f64 = (0..mesh.triangles.len() as u32)
+        .map(|face| {
+            let [a, b, c] = mesh.corners(face).map(|corner| corner - origin);
+            a.dot(b.cross(c)) / 6.0
+        })
+        .sum();
+    if volume_m3 < 0.0 {
+        mesh.triangles.iter_mut().for_each(|triangle| triangle.swap(1, 2));
     }
 }
 
@@ -304,5 +326,54 @@ impl OrganModel {
                 }
             })
             .collect()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::organ::procedural_ellipsoid;
+    use glam::Vec3;
+
+    fn options() -> OrganOptions {
+        OrganOptions { table_width_px: 64, ..OrganOptions::default() }
+    }
+
+    #[test]
+    fn a_surface_that_looks_inward_is_turned() {
+        let outward = procedural_ellipsoid(Vec3::new(0.1, 0.08, 0.12), 6);
+        let mut inward = outward.clone();
+        inward.triangles.iter_mut().for_each(|triangle| triangle.swap(1, 2));
+        assert!(inward.volume_m3() < 0.0);
+        let organ = OrganModel::from_mesh(inward, "inside out", &options()).expect("it can be turned");
+        assert_eq!(organ.mesh, outward);
+        let straight = OrganModel::from_mesh(outward, "straight", &options()).expect("an ellipsoid is an organ");
+        assert_eq!(organ.skin_mesh, straight.skin_mesh);
+    }
+
+    #[test]
+    fn turning_leaves_faulty_surfaces_to_those_who_name_the_fault() {
+        let mut open = procedural_ellipsoid(Vec3::splat(0.1), 2);
+        open.triangles.iter_mut().for_each(|triangle| triangle.swap(1, 2));
+        open.triangles.pop();
+        let mut beyond = open.clone();
+        beyond.triangles.push([0, 1, 9_999]);
+        for faulty in [open, beyond, SurfaceMesh::default()] {
+            let mut turned = faulty.clone();
+            turn_outward(&mut turned);
+            assert_eq!(turned, faulty);
+            assert!(matches!(OrganModel::from_mesh(faulty, "faulty", &options()), Err(OrganError::Chart { .. })));
+        }
+    }
+
+    #[test]
+    fn a_senseless_unit_is_an_error_for_the_crates_own_liver_too() {
+        let senseless = [f32::NAN, f32::INFINITY, 0.0, -0.2, 1e-9, 1e9];
+        let units = senseless.into_iter().flat_map(|value| [MeshUnit::Metres(value), MeshUnit::LargestExtent(value)]);
+        for unit in units {
+            let options = OrganOptions { load: LoadOptions { unit, ..LoadOptions::default() }, ..options() };
+            let made = OrganModel::procedural_liver(&options);
+            assert!(matches!(made, Err(OrganError::Mesh(_))), "{unit:?}: {made:?}");
+        }
     }
 }

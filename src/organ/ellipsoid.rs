@@ -7,10 +7,11 @@ use glam::{DVec3, Vec3};
 const MOST_SUBDIVISIONS: u32 = 64;
 
 /// An ellipsoid about the origin with evenly spread vertices: an icosahedron whose edges are split into `subdivisions`
-/// (1 to 64), stretched to the semi-axes in metres.
+/// (1 to 64), stretched to the semi-axes in metres. Their signs do not count.
 pub fn procedural_ellipsoid(semi_axes_m: Vec3, subdivisions: u32) -> SurfaceMesh {
     let (positions, triangles) = icosphere(subdivisions.clamp(1, MOST_SUBDIVISIONS) as usize);
-    let positions_m = positions.iter().map(|place| place.as_vec3() * semi_axes_m).collect();
+    // A negative axis would turn the surface inside out.
+    let positions_m = positions.iter().map(|place| place.as_vec3() * semi_axes_m.abs()).collect();
     SurfaceMesh { positions_m, triangles, uvs: None }
 }
 
@@ -77,6 +78,12 @@ mod tests {
         assert!(mesh.neighbours().iter().flatten().all(|face| *face != super::super::mesh::NO_FACE));
         let wanted = 4.0 / 3.0 * std::f64::consts::PI * 0.1 * 0.2 * 0.3;
         assert!((mesh.volume_m3() / wanted - 1.0).abs() < 0.02, "{}", mesh.volume_m3());
+    }
+
+    #[test]
+    fn a_negative_axis_does_not_turn_it_inside_out() {
+        let axes_m = Vec3::new(0.1, 0.2, 0.3);
+        assert_eq!(procedural_ellipsoid(axes_m * Vec3::new(-1.0, 1.0, 1.0), 3), procedural_ellipsoid(axes_m, 3));
     }
 
     #[test]

@@ -53,6 +53,13 @@ impl Plugin for OrganPlugin {
             .register_type::<clean::RawMesh>()
             .register_type::<procedural::ProceduralLiver>()
             .register_type::<texture_mesh::SecondaryVertices>();
+        app.register_type::<OrganError>()
+            .register_type::<error::MeshError>()
+            .register_type::<error::MeshFault>()
+            .register_type::<chart::ChartError>()
+            .register_type::<planar::PlanarError>()
+            .register_type::<texture_mesh::TextureMeshError>()
+            .register_type::<texture_mesh::SecondaryError>();
         #[cfg(feature = "render")]
         render::build(app);
     }

@@ -56,8 +56,9 @@ impl OrganShape {
         &self.normals
     }
 
-    /// Whether these are the vertices of a model.
-    fn is_of(&self, model: &OrganModel) -> bool {
+    /// Whether these are the vertices of a model. An organ whose model is exchanged keeps its old shape until the new
+    /// model has arrived.
+    pub fn is_of(&self, model: &OrganModel) -> bool {
         self.model.as_ref().is_some_and(|own| own.is_same(model))
     }
 

@@ -35,3 +35,9 @@ impl Plugin for SurgeryRenderPlugin {
         uploads::build(app);
     }
 }
+
+/// A parameter on its way to a shader: within its bounds, and `otherwise` where it is not finite. One number that is not
+/// would spread, because bloom and later passes blur it over the whole picture.
+pub(crate) fn finite_within(value: f32, low: f32, high: f32, otherwise: f32) -> f32 {
+    if value.is_finite() { value.clamp(low, high) } else { otherwise }
+}

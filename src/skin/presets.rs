@@ -37,6 +37,18 @@ impl OrganPreset {
         }
     }
 
+    /// Largest side of the box around a grown person's organ, metres: for files of unknown unit. Of the mucosa, a
+    /// piece.
+    pub fn typical_extent_m(self) -> f32 {
+        match self {
+            Self::Liver => 0.22,
+            Self::Gallbladder => 0.09,
+            Self::Spleen => 0.12,
+            Self::Kidney => 0.11,
+            Self::Mucosa => 0.2,
+        }
+    }
+
     /// Its skin.
     pub fn skin(self) -> Skin {
         match self {
@@ -97,5 +109,26 @@ impl Skin {
     pub fn mucosa() -> Self {
         let tiles = TileOptions::mucosa();
         Self { mottle: 0.18, scatter: 0.35, sheen: 1.4, sheen_roughness: 0.3, ..Self::with_tiles(tiles) }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn names_come_back_and_others_are_refused() {
+        for preset in OrganPreset::ALL {
+            assert_eq!(preset.name().parse(), Ok(preset));
+        }
+        let error = "lung".parse::<OrganPreset>().expect_err("there is no lung");
+        assert!(error.contains("lung") && error.contains("spleen"), "{error}");
+    }
+
+    #[test]
+    fn extents_are_those_of_organs() {
+        assert!(OrganPreset::ALL.iter().all(|preset| (0.05..0.3).contains(&preset.typical_extent_m())));
+        let [liver, gallbladder] = [OrganPreset::Liver, OrganPreset::Gallbladder].map(OrganPreset::typical_extent_m);
+        assert!(liver > 2.0 * gallbladder, "a gallbladder lies under the liver");
     }
 }

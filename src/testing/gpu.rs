@@ -155,10 +155,19 @@ fn is_busy(app: &mut App) -> bool {
             return true;
         }
     }
-    let mut unshaped = app.world_mut().query_filtered::<&Organ, Without<OrganShape>>();
-    let waiting: Vec<Handle<OrganModel>> = unshaped.iter(app.world()).map(|organ| organ.0.clone()).collect();
+    let mut organs = app.world_mut().query::<(&Organ, Option<&OrganShape>)>();
+    let models = app.world().resource::<Assets<OrganModel>>();
+    // An organ whose model is exchanged keeps its old shape until the new model has arrived.
+    let is_shaped = |organ: &Organ, shape: Option<&OrganShape>| {
+        models.get(&organ.0).zip(shape).is_some_and(|(model, shape)| shape.is_of(model))
+    };
+    let waiting: Vec<&Handle<OrganModel>> = organs
+        .iter(app.world())
+        .filter(|(organ, shape)| !is_shaped(organ, *shape))
+        .map(|(organ, _)| &organ.0)
+        .collect();
     let assets = app.world().resource::<AssetServer>();
-    for model in &waiting {
+    for &model in &waiting {
         if let bevy::asset::LoadState::Failed(error) = assets.load_state(model) {
             panic!("an organ could not be loaded: {error}");
         }
@@ -190,5 +199,51 @@ pub(super) fn check(app: &mut App) {
             );
             assert!(is_waiting, "pipeline {label} failed: {error}");
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::organ::{OrganOptions, procedural_ellipsoid};
+    use std::panic::{AssertUnwindSafe, catch_unwind};
+
+    fn sphere(radius_m: f32) -> OrganModel {
+        let options = OrganOptions { table_width_px: 64, ..default() };
+        OrganModel::from_mesh(procedural_ellipsoid(Vec3::splat(radius_m), 4), "sphere", &options).expect("an organ")
+    }
+
+    /// An organ that has its shape.
+    fn shaped() -> (TestApp, Entity) {
+        let mut app = TestApp::gpu(16, 16);
+        let organ = app.world_mut().resource_mut::<Assets<OrganModel>>().add(sphere(0.1));
+        let entity = app.world_mut().spawn(Organ(organ)).id();
+        app.warm_up();
+        (app, entity)
+    }
+
+    #[test]
+    fn an_exchanged_model_is_waited_for() {
+        let (mut app, entity) = shaped();
+        assert!(!is_busy(&mut app));
+        let next = app.world_mut().resource_mut::<Assets<OrganModel>>().reserve_handle();
+        app.world_mut().entity_mut(entity).insert(Organ(next.clone()));
+        app.idle();
+        assert!(is_busy(&mut app), "the organ still has its old shape");
+        let arrived = app.world_mut().resource_mut::<Assets<OrganModel>>().insert(next.id(), sphere(0.2));
+        arrived.expect("its place is there");
+        app.warm_up();
+        let shape = app.world().get::<OrganShape>(entity).expect("a shaped organ");
+        assert!((shape.positions_m()[0].length() - 0.2).abs() < 1e-6);
+    }
+
+    #[test]
+    fn an_exchanged_model_that_cannot_load_fails() {
+        let (mut app, entity) = shaped();
+        let missing = app.world().resource::<AssetServer>().load("no-such-organ.obj");
+        app.world_mut().entity_mut(entity).insert(Organ(missing));
+        let reason = catch_unwind(AssertUnwindSafe(|| app.warm_up())).expect_err("there is no such file");
+        let reason = reason.downcast_ref::<String>().map_or("", String::as_str);
+        assert!(reason.contains("no-such-organ.obj"), "{reason}");
     }
 }

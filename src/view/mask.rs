@@ -1,6 +1,6 @@
 //! The round picture of an endoscope: everything outside the circle is dark.
 
-use crate::render::shader_path;
+use crate::render::{finite_within, shader_path};
 use bevy::core_pipeline::{
     schedule::{Core3d, Core3dSystems},
     tonemapping::tonemapping,
@@ -15,7 +15,7 @@ use bevy::render::view::{ExtractedView, ViewTarget};
 use bevy::render::{Render, RenderApp, RenderStartup, RenderSystems, camera::ExtractedCamera};
 
 /// Corners of the circle; each is a quad for the soft edge and one for the dark outside.
-const SEGMENTS: u32 = 96;
+pub(super) const SEGMENTS: u32 = 96;
 
 /// Draws a dark frame with a round hole over a camera's finished picture.
 ///
@@ -58,10 +58,16 @@ impl ExtractComponent for ScopeMask {
     type Out = ScopeMaskUniform;
 
     fn extract_component((mask, camera): (&ScopeMask, &Camera)) -> Option<ScopeMaskUniform> {
-        let size = camera.logical_viewport_size()?;
+        let size = camera.logical_viewport_size().filter(|size| size.min_element() > 0.0)?;
+        let default = ScopeMask::default();
+        // A hundred half heights cover any frame.
+        let radius = finite_within(mask.radius, 0.0, 100.0, default.radius);
+        let softness = finite_within(mask.softness, 0.0, 100.0, default.softness);
+        let [red, green, blue, alpha] = mask.colour.to_linear().to_f32_array();
+        let [red, green, blue] = [red, green, blue].map(|channel| finite_within(channel, 0.0, 1.0, 0.0));
         Some(ScopeMaskUniform {
-            colour: mask.colour.to_linear().to_vec4(),
-            radii: Vec2::new(mask.radius, mask.radius + mask.softness.max(0.0)),
+            colour: Vec4::new(red, green, blue, finite_within(alpha, 0.0, 1.0, 1.0)),
+            radii: Vec2::new(radius, radius + softness),
             aspect: size.x / size.y,
         })
     }

@@ -10,6 +10,7 @@
 
 mod endoscope;
 mod mask;
+mod mask_depth;
 mod scope_light;
 
 pub use endoscope::Endoscope;
@@ -27,5 +28,6 @@ impl Plugin for SurgeryViewPlugin {
         endoscope::build(app);
         scope_light::build(app);
         mask::build(app);
+        mask_depth::build(app);
     }
 }

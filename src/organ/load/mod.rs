@@ -89,7 +89,7 @@ pub fn parse_with(
     read().map_err(|fault| MeshError::new(file_name, fault))
 }
 
-fn check_unit(unit: MeshUnit) -> Result<(), MeshFault> {
+pub(super) fn check_unit(unit: MeshUnit) -> Result<(), MeshFault> {
     let (MeshUnit::Metres(value) | MeshUnit::LargestExtent(value)) = unit;
     if value.is_finite() && value > 0.0 {
         return Ok(());
@@ -97,7 +97,7 @@ fn check_unit(unit: MeshUnit) -> Result<(), MeshFault> {
     Err(MeshFault::BadOption { field: "unit".into(), reason: format!("{value} is not a positive number of metres") })
 }
 
-fn scale_to_metres(mesh: &mut SurfaceMesh, unit: MeshUnit) -> Result<(), MeshFault> {
+pub(super) fn scale_to_metres(mesh: &mut SurfaceMesh, unit: MeshUnit) -> Result<(), MeshFault> {
     let (low, high) = mesh.bounds_m();
     let extent = (high.as_dvec3() - low.as_dvec3()).max_element();
     let metres_per_unit = match unit {

@@ -98,6 +98,8 @@ pub struct OrganUniform {
     pub world_from_organ_normal: Mat4,
     /// The lights that reach it.
     pub lights: OrganLights,
+    /// -1 where the transform mirrors, so that front and back are exchanged; otherwise 1.
+    pub handedness: f32,
 }
 
 /// Bind group layouts that all layers share.
@@ -305,6 +307,7 @@ pub(super) fn write_buffers(
             world_from_organ: organ.world_from_organ,
             world_from_organ_normal: organ.world_from_organ.inverse().transpose(),
             lights,
+            handedness: organ.world_from_organ.determinant().signum(),
         });
         buffers.offsets.insert(organ.entity, offset);
     }

@@ -3,6 +3,7 @@
 use super::prepare::SkinUniform;
 use super::textures::SkinTexture;
 use crate::organ::{Organ, OrganModel};
+use crate::render::finite_within;
 use crate::skin::Skin;
 use bevy::prelude::*;
 use bevy::render::Extract;
@@ -32,16 +33,24 @@ pub(super) fn extract_skins(
         model: organ.0.id(),
         tiles: texture.tiles.id(),
         seed: skin.seed,
-        uniform: SkinUniform {
-            tint: skin.tint.to_linear().to_vec3(),
-            mottle: skin.mottle,
-            mottle_frequency_per_m: 1.0 / skin.mottle_size_m.max(1e-6),
-            scatter: skin.scatter.clamp(0.0, 1.0),
-            sheen: skin.sheen,
-            // Blinn-Phong exponent of the same lobe width (Karis 2013).
-            sheen_exponent: (2.0 / skin.sheen_roughness.clamp(0.05, 1.0).powi(4) - 2.0).max(0.5),
-            relief_m: skin.relief_m,
-        },
+        uniform: uniform(skin),
     }));
     extracted.skins.sort_by_key(|skin| skin.entity);
+}
+
+/// One number that is not finite would spread: bloom and later passes blur it over the whole picture.
+fn uniform(skin: &Skin) -> SkinUniform {
+    let roughness = finite_within(skin.sheen_roughness, 0.05, 1.0, 0.3);
+    SkinUniform {
+        tint: Vec3::from(
+            skin.tint.to_linear().to_f32_array_no_alpha().map(|channel| finite_within(channel, 0.0, 10.0, 1.0)),
+        ),
+        mottle: finite_within(skin.mottle, 0.0, 1.0, 0.0),
+        mottle_frequency_per_m: 1.0 / finite_within(skin.mottle_size_m, 1e-6, 1e6, 0.035),
+        scatter: finite_within(skin.scatter, 0.0, 1.0, 0.0),
+        sheen: finite_within(skin.sheen, 0.0, 100.0, 0.0),
+        // Blinn-Phong exponent of the same lobe width (Karis 2013).
+        sheen_exponent: (2.0 / roughness.powi(4) - 2.0).max(0.5),
+        relief_m: finite_within(skin.relief_m, -0.1, 0.1, 0.0),
+    }
 }
