@@ -44,7 +44,7 @@ fn setup(
     let organ = common::organ(&args, real, options, &assets, &mut models)?;
     commands.spawn((Organ(organ), Skin { seed: args.seed, ..args.preset.skin() }, Patient));
     // The wall of the abdomen round it: the same kind of organ, hollow and seen from inside.
-    let wall = procedural_ellipsoid(Vec3::new(0.26, 0.24, 0.26), 12);
+    let wall = procedural_ellipsoid(Vec3::new(0.26, 0.24, 0.26), 6);
     let wall = OrganModel::from_mesh_cached(wall, "abdominal wall", &OrganOptions::default(), &default())?;
     commands.spawn((Organ(models.add(wall)), Hollow, Skin { seed: args.seed, ..Skin::mucosa() }));
     // A smaller organ is looked at from nearer, with less light.
