@@ -56,3 +56,17 @@ fn the_lens_follows_the_component() {
     app.step(1);
     assert!((fov(&mut app) - 1.3).abs() < 1e-6);
 }
+
+#[test]
+fn the_mask_hides_the_same_with_multisampling() {
+    let pictures = [Msaa::Off, Msaa::Sample4].map(|msaa| {
+        let mut app = scope(ScopeMask::default());
+        let mut scopes = app.world_mut().query_filtered::<Entity, With<Endoscope>>();
+        let entity = scopes.single(app.world()).expect("one scope");
+        app.world_mut().entity_mut(entity).insert(msaa);
+        app.capture()
+    });
+    let differs = |(a, b): &(&image::Rgba<u8>, &image::Rgba<u8>)| (0..3).any(|k| a.0[k].abs_diff(b.0[k]) > 40);
+    let count = pictures[0].pixels().zip(pictures[1].pixels()).filter(differs).count();
+    assert!(count < 60, "{count} pixels differ: more than the organ's rim");
+}

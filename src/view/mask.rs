@@ -9,13 +9,15 @@ use bevy::prelude::*;
 use bevy::render::extract_component::{
     ComponentUniforms, DynamicUniformIndex, ExtractComponent, ExtractComponentPlugin, UniformComponentPlugin,
 };
+use bevy::render::render_phase::TrackedRenderPass;
 use bevy::render::render_resource::{binding_types::uniform_buffer, *};
 use bevy::render::renderer::{RenderContext, ViewQuery};
 use bevy::render::view::{ExtractedView, ViewTarget};
 use bevy::render::{Render, RenderApp, RenderStartup, RenderSystems, camera::ExtractedCamera};
+use std::ops::Range;
 
 /// Corners of the circle; each is a quad for the soft edge and one for the dark outside.
-pub(super) const SEGMENTS: u32 = 96;
+const SEGMENTS: u32 = 96;
 
 /// Draws a dark frame with a round hole over a camera's finished picture.
 ///
@@ -124,20 +126,46 @@ pub(super) fn build(app: &mut App) {
         .add_systems(Core3d, draw_mask.after(tonemapping).in_set(Core3dSystems::PostProcess));
 }
 
-fn init_pipeline(mut commands: Commands, assets: Res<AssetServer>) {
+/// What both pipelines that draw the mask's rings start from: layout of their one group, and vertices.
+pub(super) fn ring_pipeline(
+    label: &'static str,
+    shader: Handle<Shader>,
+) -> (BindGroupLayoutDescriptor, RenderPipelineDescriptor) {
     let layout = BindGroupLayoutDescriptor::new(
         "scope_mask_layout",
         &BindGroupLayoutEntries::single(ShaderStages::VERTEX_FRAGMENT, uniform_buffer::<ScopeMaskUniform>(true)),
     );
-    let shader: Handle<Shader> = assets.load(shader_path("view/mask.wgsl"));
     let descriptor = RenderPipelineDescriptor {
-        label: Some("scope_mask_pipeline".into()),
+        label: Some(label.into()),
         layout: vec![layout.clone()],
-        vertex: VertexState { shader: shader.clone(), entry_point: Some("vertex".into()), ..default() },
+        vertex: VertexState { shader, entry_point: Some("vertex".into()), ..default() },
         primitive: PrimitiveState { topology: PrimitiveTopology::TriangleStrip, ..default() },
-        fragment: Some(FragmentState { shader, entry_point: Some("fragment".into()), ..default() }),
         ..default()
     };
+    (layout, descriptor)
+}
+
+/// Draws rings of the mask into a pass: 0 is the soft edge, 1 the dark outside.
+pub(super) fn draw_rings<'w>(
+    mut pass: TrackedRenderPass<'w>,
+    camera: &ExtractedCamera,
+    pipeline: &'w RenderPipeline,
+    bind_group: &'w BindGroup,
+    mask: &DynamicUniformIndex<ScopeMaskUniform>,
+    rings: Range<u32>,
+) {
+    if let Some(viewport) = &camera.viewport {
+        pass.set_camera_viewport(viewport);
+    }
+    pass.set_render_pipeline(pipeline);
+    pass.set_bind_group(0, bind_group, &[mask.index()]);
+    pass.draw(0..2 * (SEGMENTS + 1), rings);
+}
+
+fn init_pipeline(mut commands: Commands, assets: Res<AssetServer>) {
+    let shader: Handle<Shader> = assets.load(shader_path("view/mask.wgsl"));
+    let (layout, mut descriptor) = ring_pipeline("scope_mask_pipeline", shader.clone());
+    descriptor.fragment = Some(FragmentState { shader, entry_point: Some("fragment".into()), ..default() });
     commands.insert_resource(MaskPipeline { layout, variants: Variants::new(MaskSpecializer, descriptor) });
 }
 
@@ -167,7 +195,7 @@ fn draw_mask(
     };
     let layout = cache.get_bind_group_layout(&pipeline.layout);
     let bind_group = ctx.render_device().create_bind_group("scope_mask", &layout, &BindGroupEntries::single(binding));
-    let mut pass = ctx.begin_tracked_render_pass(RenderPassDescriptor {
+    let pass = ctx.begin_tracked_render_pass(RenderPassDescriptor {
         label: Some("scope_mask"),
         color_attachments: &[Some(target.get_unsampled_color_attachment())],
         depth_stencil_attachment: None,
@@ -175,11 +203,5 @@ fn draw_mask(
         occlusion_query_set: None,
         multiview_mask: None,
     });
-    if let Some(viewport) = &camera.viewport {
-        pass.set_camera_viewport(viewport);
-    }
-    pass.set_render_pipeline(render_pipeline);
-    pass.set_bind_group(0, &bind_group, &[mask.index()]);
-    // Two rings of quads in one strip: edge, then outside, joined by repeated vertices.
-    pass.draw(0..2 * (SEGMENTS + 1), 0..2);
+    draw_rings(pass, camera, render_pipeline, &bind_group, mask, 0..2);
 }

@@ -3,7 +3,7 @@
 //! Before anything is drawn, the mask's dark part goes into the depth buffer at the near plane: Bevy's passes and ours
 //! then skip those pixels by their depth test, some two fifths of a 4:3 frame.
 
-use super::mask::{SEGMENTS, ScopeMaskUniform};
+use super::mask::{ScopeMaskUniform, draw_rings, ring_pipeline};
 use crate::render::shader_path;
 use bevy::core_pipeline::{
     core_3d::{CORE_3D_DEPTH_FORMAT, main_opaque_pass_3d},
@@ -12,7 +12,7 @@ use bevy::core_pipeline::{
 use bevy::prelude::*;
 use bevy::render::camera::ExtractedCamera;
 use bevy::render::extract_component::{ComponentUniforms, DynamicUniformIndex};
-use bevy::render::render_resource::{binding_types::uniform_buffer, *};
+use bevy::render::render_resource::*;
 use bevy::render::renderer::{RenderContext, ViewQuery};
 use bevy::render::view::ViewDepthTexture;
 use bevy::render::{Render, RenderApp, RenderStartup, RenderSystems};
@@ -55,28 +55,15 @@ pub(super) fn build(app: &mut App) {
 }
 
 fn init_pipeline(mut commands: Commands, assets: Res<AssetServer>) {
-    let layout = BindGroupLayoutDescriptor::new(
-        "scope_mask_depth_layout",
-        &BindGroupLayoutEntries::single(ShaderStages::VERTEX, uniform_buffer::<ScopeMaskUniform>(true)),
-    );
-    let descriptor = RenderPipelineDescriptor {
-        label: Some("scope_mask_depth_pipeline".into()),
-        layout: vec![layout.clone()],
-        vertex: VertexState {
-            shader: assets.load(shader_path("view/mask.wgsl")),
-            entry_point: Some("vertex".into()),
-            ..default()
-        },
-        primitive: PrimitiveState { topology: PrimitiveTopology::TriangleStrip, ..default() },
-        depth_stencil: Some(DepthStencilState {
-            format: CORE_3D_DEPTH_FORMAT,
-            depth_write_enabled: Some(true),
-            depth_compare: Some(CompareFunction::Always),
-            stencil: default(),
-            bias: default(),
-        }),
-        ..default()
-    };
+    let (layout, mut descriptor) =
+        ring_pipeline("scope_mask_depth_pipeline", assets.load(shader_path("view/mask.wgsl")));
+    descriptor.depth_stencil = Some(DepthStencilState {
+        format: CORE_3D_DEPTH_FORMAT,
+        depth_write_enabled: Some(true),
+        depth_compare: Some(CompareFunction::Always),
+        stencil: default(),
+        bias: default(),
+    });
     commands.insert_resource(MaskDepthPipeline { layout, variants: Variants::new(MaskDepthSpecializer, descriptor) });
 }
 
@@ -119,7 +106,7 @@ fn draw_mask_depth(
     let layout = cache.get_bind_group_layout(&pipeline.layout);
     let bind_group =
         ctx.render_device().create_bind_group("scope_mask_depth", &layout, &BindGroupEntries::single(binding));
-    let mut pass = ctx.begin_tracked_render_pass(RenderPassDescriptor {
+    let pass = ctx.begin_tracked_render_pass(RenderPassDescriptor {
         label: Some("scope_mask_depth"),
         color_attachments: &[],
         depth_stencil_attachment: Some(depth.get_attachment(StoreOp::Store)),
@@ -127,11 +114,6 @@ fn draw_mask_depth(
         occlusion_query_set: None,
         multiview_mask: None,
     });
-    if let Some(viewport) = &camera.viewport {
-        pass.set_camera_viewport(viewport);
-    }
-    pass.set_render_pipeline(render_pipeline);
-    pass.set_bind_group(0, &bind_group, &[index.index()]);
     // Only the outer ring: what the soft edge lets through must be drawn.
-    pass.draw(0..2 * (SEGMENTS + 1), 1..2);
+    draw_rings(pass, camera, render_pipeline, &bind_group, index, 1..2);
 }
