@@ -9,6 +9,7 @@ use bevy::prelude::*;
 use bevy::render::diagnostic::RenderDiagnosticsPlugin;
 use bevy::render::renderer::RenderAdapterInfo;
 use bevy_surgery::diagnostics::SurgeryDiagnosticsPlugin;
+use bevy_surgery::organ::awaited_models;
 use bevy_surgery::prelude::*;
 use bevy_surgery::render::graphics_adapters;
 use bevy_surgery::testing::TestApp;
@@ -151,7 +152,7 @@ fn run_window(args: &Args, name: &str, add: impl FnOnce(&mut App)) -> Result<(),
               models: Res<Assets<OrganModel>>,
               organs: Query<(&Organ, Option<&OrganShape>)>,
               mut exit: MessageWriter<AppExit>| {
-            if let Some(reason) = failed_organ(&assets, &unshaped(&models, organs.iter())) {
+            if let Some(reason) = failed_organ(&assets, &awaited_models(&models, organs.iter())) {
                 slot.lock().unwrap_or_else(PoisonError::into_inner).replace(reason);
                 exit.write(AppExit::error());
             }
@@ -226,17 +227,6 @@ fn run_models(
     write_report(&out, measures.report("none", args.size, counters))
 }
 
-/// The models whose shape organs do not have yet; an organ whose model was exchanged keeps its old shape meanwhile.
-fn unshaped<'w>(
-    models: &Assets<OrganModel>,
-    organs: impl Iterator<Item = (&'w Organ, Option<&'w OrganShape>)>,
-) -> Vec<Handle<OrganModel>> {
-    let is_shaped = |organ: &Organ, shape: Option<&OrganShape>| {
-        models.get(&organ.0).zip(shape).is_some_and(|(model, shape)| shape.is_of(model))
-    };
-    organs.filter(|(organ, shape)| !is_shaped(organ, *shape)).map(|(organ, _)| organ.0.clone()).collect()
-}
-
 /// Why an organ's file could not be used, if one could not.
 fn failed_organ(assets: &AssetServer, organs: &[Handle<OrganModel>]) -> Option<String> {
     organs.iter().find_map(|organ| match assets.load_state(organ) {
@@ -260,7 +250,7 @@ fn wait_for_organs(app: &mut TestApp, measures: &mut Measures) -> Result<(), Str
     app.idle_until("organs", |app| {
         let mut organs = app.world_mut().query::<(&Organ, Option<&OrganShape>)>();
         let world = app.world();
-        let waiting = unshaped(world.resource::<Assets<OrganModel>>(), organs.iter(world));
+        let waiting = awaited_models(world.resource::<Assets<OrganModel>>(), organs.iter(world));
         failed = failed_organ(world.resource::<AssetServer>(), &waiting);
         waiting.is_empty() || failed.is_some()
     });

@@ -268,18 +268,8 @@ impl OrganModel {
 fn turn_outward(mesh: &mut SurfaceMesh) {
     let count = mesh.positions_m.len();
     let is_sound = mesh.triangles.as_flattened().iter().all(|&vertex| (vertex as usize) < count);
-    if !is_sound || mesh.neighbours().as_flattened().contains(&NO_FACE) {
-        return;
-    }
-    // About a place of the surface itself: the origin may be far off and cost digits.
-    let origin = mesh.positions_m.first().copied().unwrap_or_default().as_dvec3();
-    let volume_m3: f64 = (0..mesh.triangles.len() as u32)
-        .map(|face| {
-            let [a, b, c] = mesh.corners(face).map(|corner| corner - origin);
-            a.dot(b.cross(c)) / 6.0
-        })
-        .sum();
-    if volume_m3 < 0.0 {
+    // Finding borders sorts all edges: asked last, because files were turned when they were read.
+    if is_sound && mesh.volume_m3() < 0.0 && !mesh.neighbours().as_flattened().contains(&NO_FACE) {
         mesh.triangles.iter_mut().for_each(|triangle| triangle.swap(1, 2));
     }
 }

@@ -43,11 +43,13 @@ impl SurfaceMesh {
         (0..self.triangles.len() as u32).map(|face| self.face_area_m2(face)).sum()
     }
 
-    /// Enclosed volume in cubic metres; positive where the faces look outward.
+    /// Enclosed volume in cubic metres; positive where the faces look outward. Means nothing for open surfaces.
     pub fn volume_m3(&self) -> f64 {
+        // About a place of the surface itself: the origin may be far off and cost digits.
+        let apex = self.positions_m.first().copied().unwrap_or_default().as_dvec3();
         (0..self.triangles.len() as u32)
             .map(|face| {
-                let [a, b, c] = self.corners(face);
+                let [a, b, c] = self.corners(face).map(|corner| corner - apex);
                 a.dot(b.cross(c)) / 6.0
             })
             .sum()

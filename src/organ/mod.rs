@@ -30,7 +30,7 @@ pub use build::{ChartKind, OrganError, OrganModel, OrganOptions, OrganParts, Org
 pub use cache::OrganCache;
 pub use ellipsoid::procedural_ellipsoid;
 pub use mesh::SurfaceMesh;
-pub use shape::{Hollow, Organ, OrganShape};
+pub use shape::{Hollow, Organ, OrganShape, awaited_models};
 pub use sphere::{SphereMesh, SurfacePoint};
 
 use bevy::prelude::*;

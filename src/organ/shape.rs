@@ -69,6 +69,18 @@ impl OrganShape {
     }
 }
 
+/// The models that organs wait for: those that are not loaded, or whose shape they do not have yet. An organ whose
+/// model is exchanged keeps its old shape until the new model has arrived.
+pub fn awaited_models<'w>(
+    models: &Assets<OrganModel>,
+    organs: impl Iterator<Item = (&'w Organ, Option<&'w OrganShape>)>,
+) -> Vec<Handle<OrganModel>> {
+    let is_shaped = |organ: &Organ, shape: Option<&OrganShape>| {
+        models.get(&organ.0).zip(shape).is_some_and(|(model, shape)| shape.is_of(model))
+    };
+    organs.filter(|(organ, shape)| !is_shaped(organ, *shape)).map(|(organ, _)| organ.0.clone()).collect()
+}
+
 pub(super) fn build(app: &mut App) {
     app.register_type::<Organ>()
         .register_type::<OrganShape>()

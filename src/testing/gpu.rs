@@ -2,7 +2,7 @@
 
 use super::TestApp;
 use crate::SurgeryPlugins;
-use crate::organ::{Organ, OrganModel, OrganShape};
+use crate::organ::{Organ, OrganModel, OrganShape, awaited_models};
 use crate::skin::SkinTileLibrary;
 use bevy::app::PluginGroupBuilder;
 use bevy::camera::RenderTarget;
@@ -156,18 +156,9 @@ fn is_busy(app: &mut App) -> bool {
         }
     }
     let mut organs = app.world_mut().query::<(&Organ, Option<&OrganShape>)>();
-    let models = app.world().resource::<Assets<OrganModel>>();
-    // An organ whose model is exchanged keeps its old shape until the new model has arrived.
-    let is_shaped = |organ: &Organ, shape: Option<&OrganShape>| {
-        models.get(&organ.0).zip(shape).is_some_and(|(model, shape)| shape.is_of(model))
-    };
-    let waiting: Vec<&Handle<OrganModel>> = organs
-        .iter(app.world())
-        .filter(|(organ, shape)| !is_shaped(organ, *shape))
-        .map(|(organ, _)| &organ.0)
-        .collect();
+    let waiting = awaited_models(app.world().resource::<Assets<OrganModel>>(), organs.iter(app.world()));
     let assets = app.world().resource::<AssetServer>();
-    for &model in &waiting {
+    for model in &waiting {
         if let bevy::asset::LoadState::Failed(error) = assets.load_state(model) {
             panic!("an organ could not be loaded: {error}");
         }
