@@ -13,6 +13,7 @@ struct OrganUniform {
     world_from_organ_normal: mat4x4<f32>,
     lights: OrganLights,
     handedness: f32,
+    is_planar: u32,
 }
 
 struct PrimaryVertex {
@@ -30,6 +31,7 @@ struct CornerVertex {
     @location(2) tile_barycentric: vec2<f32>,
     @location(3) texture_triangle: u32,
     @location(4) rest_position_m: vec3<f32>,
+    @location(5) chart_direction: vec3<f32>,
 }
 
 // A secondary vertex: the fixed combination of its primary vertices, wherever they are now.
@@ -51,6 +53,30 @@ fn secondary_vertex(corner: CornerVertex) -> SecondaryVertex {
     out.position_world_m = (organ.world_from_organ * vec4(position, 1.0)).xyz;
     out.normal_world = (organ.world_from_organ_normal * vec4(normal, 0.0)).xyz;
     return out;
+}
+
+// Texture coordinates of the reaction map from the interpolated `chart_direction`. Rust twin: `Atlas::uv_from_direction`.
+fn map_uv(chart_direction: vec3<f32>) -> vec2<f32> {
+    if organ.is_planar != 0u {
+        return chart_direction.xy;
+    }
+    let u = atan2(chart_direction.x, chart_direction.z) / 6.283185307179586;
+    let v = atan2(length(chart_direction.xz), chart_direction.y) / 3.141592653589793;
+    return vec2(fract(u), v);
+}
+
+// The normal of a surface that is raised by `height_m` over this one (Mikkelsen 2010, "Bump mapping unparametrized
+// surfaces on the GPU"): the differences to the neighbouring pixels are all that it needs.
+fn raised(normal: vec3<f32>, position_world_m: vec3<f32>, height_m: f32) -> vec3<f32> {
+    let along_x = dpdx(position_world_m);
+    let along_y = dpdy(position_world_m);
+    let across_x = cross(along_y, normal);
+    let across_y = cross(normal, along_x);
+    let area = dot(along_x, across_x);
+    let slope = sign(area) * (dpdxFine(height_m) * across_x + dpdyFine(height_m) * across_y);
+    // At silhouettes the neighbouring pixel lies elsewhere: no cell is steeper than this.
+    let steepest = 0.7 * abs(area) / max(length(slope), 1e-20);
+    return normalize(abs(area) * normal - slope * min(steepest, 1.0));
 }
 
 // Unit vector from a point towards the eye, for perspective and parallel views.

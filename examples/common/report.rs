@@ -3,7 +3,7 @@
 use bevy::diagnostic::DiagnosticsStore;
 use bevy::prelude::*;
 use bevy::render::RenderApp;
-use bevy_surgery::render::UploadedBytes;
+use bevy_surgery::render::Uploads;
 use serde_json::{Map, Value, json};
 use std::collections::BTreeMap;
 use std::time::Duration;
@@ -16,7 +16,8 @@ pub struct Measures {
     /// Times of frames without organs, with the first one alone, and with all, drawn in turn; milliseconds.
     pub by_organs_shown: [Vec<f64>; 3],
     frames_ms: Vec<f64>,
-    uploaded: Vec<f64>,
+    uploaded_bytes: Vec<f64>,
+    uploaded_rectangles: Vec<f64>,
     spans_ms: BTreeMap<String, Vec<f64>>,
 }
 
@@ -25,8 +26,9 @@ impl Measures {
     pub fn take(&mut self, app: &App, frame: Duration) {
         self.frames_ms.push(frame.as_secs_f64() * 1e3);
         let render = app.get_sub_app(RenderApp);
-        if let Some(bytes) = render.and_then(|render| render.world().get_resource::<UploadedBytes>()) {
-            self.uploaded.push(bytes.total() as f64);
+        if let Some(uploads) = render.and_then(|render| render.world().get_resource::<Uploads>()) {
+            self.uploaded_bytes.push(uploads.bytes() as f64);
+            self.uploaded_rectangles.push(uploads.rectangles() as f64);
         }
         let Some(store) = app.world().get_resource::<DiagnosticsStore>() else { return };
         for diagnostic in store.iter() {
@@ -61,7 +63,10 @@ impl Measures {
             "stage_ms": spans("surgery/", ""),
             "pass_ms": spans("render/", "/elapsed_gpu"),
             "pass_encoding_ms": spans("render/", "/elapsed_cpu"),
-            "bytes_uploaded_per_frame": quantile(&self.uploaded, 0.5),
+            "bytes_uploaded_per_frame": quantile(&self.uploaded_bytes, 0.5),
+            "bytes_uploaded_per_frame_p95": quantile(&self.uploaded_bytes, 0.95),
+            "rectangles_uploaded_per_frame": quantile(&self.uploaded_rectangles, 0.5),
+            "rectangles_uploaded_per_frame_p95": quantile(&self.uploaded_rectangles, 0.95),
             "counters": counters,
         })
     }

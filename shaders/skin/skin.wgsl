@@ -3,7 +3,7 @@
 // exposure, as Bevy's own materials write it. Rust twin: `skin/render/prepare.rs`.
 
 #import bevy_surgery::lights::incident
-#import bevy_surgery::organ::{CornerVertex, organ, secondary_vertex, to_eye, to_target, view}
+#import bevy_surgery::organ::{CornerVertex, organ, raised, secondary_vertex, to_eye, to_target, view}
 
 struct SkinUniform {
     tint: vec3<f32>,
@@ -84,20 +84,6 @@ fn vertex(corner: CornerVertex) -> Varying {
         0.5 * patches(0.8 * place - 31.0),
     );
     return out;
-}
-
-// The normal of a surface that is raised by `height_m` over this one (Mikkelsen 2010, "Bump mapping unparametrized
-// surfaces on the GPU"): the differences to the neighbouring pixels are all that it needs.
-fn raised(normal: vec3<f32>, position_world_m: vec3<f32>, height_m: f32) -> vec3<f32> {
-    let along_x = dpdx(position_world_m);
-    let along_y = dpdy(position_world_m);
-    let across_x = cross(along_y, normal);
-    let across_y = cross(normal, along_x);
-    let area = dot(along_x, across_x);
-    let slope = sign(area) * (dpdxFine(height_m) * across_x + dpdyFine(height_m) * across_y);
-    // At silhouettes the neighbouring pixel lies elsewhere: no cell is steeper than this.
-    let steepest = 0.7 * abs(area) / max(length(slope), 1e-20);
-    return normalize(abs(area) * normal - slope * min(steepest, 1.0));
 }
 
 @fragment

@@ -12,6 +12,8 @@ use super::sphere::SphereMesh;
 use super::texture_mesh::{self, SkinMesh, TextureMesh, TextureMeshError, TextureMeshOptions, TextureMeshReport};
 use bevy::asset::Asset;
 use bevy::reflect::Reflect;
+#[cfg(feature = "render")]
+use glam::DVec3;
 use serde::{Deserialize, Serialize};
 use std::ops::Deref;
 use std::sync::Arc;
@@ -307,12 +309,18 @@ impl OrganModel {
             .map(|corner| {
                 let vertex = &self.skin_mesh.secondary[corner.vertex as usize];
                 let rest = self.skin_mesh.position_m(corner.vertex, &self.mesh.positions_m);
+                let directions = &self.atlas.chart().directions;
+                let along: DVec3 =
+                    (0..3).map(|k| directions[vertex.primary[k] as usize] * f64::from(vertex.weights[k])).sum();
+                let on_chart =
+                    if self.atlas.is_spherical() { along } else { self.atlas.uv_from_direction(along).extend(1.0) };
                 super::render::CornerVertex {
                     primaries: vertex.primary,
                     weights: vertex.weights,
                     tile_barycentric: [corner.tile_barycentric[0], corner.tile_barycentric[1]],
                     texture_triangle: corner.texture_triangle,
                     rest_position_m: rest.as_vec3().to_array(),
+                    chart_direction: on_chart.as_vec3().to_array(),
                 }
             })
             .collect()

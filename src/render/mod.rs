@@ -15,7 +15,7 @@ pub use lights::{
 pub use passes::OrganPasses;
 pub use shaders::{EmbeddedShader, SHADERS, shader_path};
 pub(crate) use tonemapping::tonemapping_definitions;
-pub use uploads::UploadedBytes;
+pub use uploads::Uploads;
 
 use bevy::prelude::*;
 

@@ -15,9 +15,11 @@ use bevy::render::RenderApp;
 pub enum OrganPasses {
     /// Layer 1: the skin's colour and texture; writes depth.
     Skin,
-    /// Layer 2: blood, burns, whitening; blends over the skin where depth is equal.
+    /// Layer 3 where it is to lie under the drops: reflections on the skin alone.
+    HighlightsUnder,
+    /// Layer 2: blood, burns, whitening; blends over what is there.
     Reactions,
-    /// Layer 3: reflections of the light on the wet surface.
+    /// Layer 3: reflections of the lamp on skin and drops.
     Highlights,
 }
 
@@ -25,7 +27,7 @@ pub(super) fn order(app: &mut App) {
     let Some(render_app) = app.get_sub_app_mut(RenderApp) else { return };
     render_app.configure_sets(
         Core3d,
-        (OrganPasses::Skin, OrganPasses::Reactions, OrganPasses::Highlights)
+        (OrganPasses::Skin, OrganPasses::HighlightsUnder, OrganPasses::Reactions, OrganPasses::Highlights)
             .chain()
             // Bevy's opaque pass clears the view and fills depth; transparent things must blend over organs.
             .after(main_opaque_pass_3d)

@@ -35,6 +35,8 @@ pub struct ExtractedOrgan {
     pub layers: RenderLayers,
     /// Which of its faces are drawn.
     pub sides: OrganSides,
+    /// Whether its chart is planar.
+    pub is_planar: bool,
     /// When the shape last changed.
     pub revision: Tick,
     /// The vertices, where the GPU's copy is old.
@@ -78,7 +80,7 @@ pub(super) fn extract_organs(
         let entity = MainEntity::from(entity);
         let centre = bounds.map_or(Vec3::ZERO, |bounds| bounds.center.into());
         let revision = shape.last_changed();
-        let shows_both = is_hollow || models.get(&organ.0).is_some_and(|model| !model.atlas.is_spherical());
+        let is_planar = models.get(&organ.0).is_some_and(|model| !model.atlas.is_spherical());
         let world_from_organ = transform.to_matrix();
         let is_old = buffers.revision(entity) != Some(revision);
         extracted.organs.push(ExtractedOrgan {
@@ -87,11 +89,12 @@ pub(super) fn extract_organs(
             world_from_organ,
             centre_world_m: transform.transform_point(centre),
             layers: layers.cloned().unwrap_or_default(),
-            sides: match (shows_both, world_from_organ.determinant() < 0.0) {
+            sides: match (is_hollow || is_planar, world_from_organ.determinant() < 0.0) {
                 (true, _) => OrganSides::Both,
                 (false, true) => OrganSides::OutsideMirrored,
                 (false, false) => OrganSides::Outside,
             },
+            is_planar,
             revision,
             moved: is_old.then(|| {
                 shape

@@ -4,9 +4,13 @@
 //! [`corner_vertex_layout`] with the functions of `shaders/organ.wgsl`, and binds what is its own from group 2 on.
 
 mod extract;
+mod gloss;
+mod layer;
 mod prepare;
 
 pub use extract::{ExtractedOrgan, ExtractedOrgans, PrimaryVertex};
+pub use gloss::{NEUTRAL_GLOSS, OrganGloss};
+pub use layer::{OrganDraw, OrganLayer, OrganLayerPipelines, OrganLayerView, prepare_layer_pipelines};
 pub(crate) use prepare::layer_shader;
 pub use prepare::{
     CornerVertex, GpuOrganModel, OrganBindGroups, OrganLayouts, OrganPipelineKey, OrganSides, OrganUniform,
@@ -43,7 +47,7 @@ pub(super) fn build(app: &mut App) {
         .init_resource::<ExtractedOrgans>()
         .init_gpu_resource::<prepare::OrganBuffers>()
         .init_gpu_resource::<OrganBindGroups>()
-        .add_systems(RenderStartup, prepare::init_layouts.in_set(PrepareOrgans))
+        .add_systems(RenderStartup, (prepare::init_layouts, gloss::init).in_set(PrepareOrgans))
         .add_systems(ExtractSchedule, extract::extract_organs)
         .add_systems(
             Render,

@@ -2,7 +2,7 @@
 
 use super::extract::{ExtractedOrgans, PrimaryVertex};
 use crate::organ::OrganModel;
-use crate::render::{OrganLights, SceneLights, UploadedBytes, shader_path, strongest_lights, tonemapping_definitions};
+use crate::render::{OrganLights, SceneLights, Uploads, shader_path, strongest_lights, tonemapping_definitions};
 use bevy::core_pipeline::core_3d::CORE_3D_DEPTH_FORMAT;
 use bevy::core_pipeline::tonemapping::{
     Tonemapping, TonemappingLuts, get_lut_bind_group_layout_entries, get_lut_bindings,
@@ -38,9 +38,12 @@ pub struct CornerVertex {
     pub texture_triangle: u32,
     /// Position of the organ at rest, organ space, metres: solid noise does not swim when the organ moves.
     pub rest_position_m: [f32; 3],
+    /// Direction on a spherical chart, of any length, or (u, v, 1) on a planar one. Interpolated over a triangle it
+    /// gives the exact place on the chart: a triangle lies in one face, and inside a face the chart is projective.
+    pub chart_direction: [f32; 3],
 }
 
-/// Layout of [`CornerVertex`] at shader locations 0 to 4.
+/// Layout of [`CornerVertex`] at shader locations 0 to 5.
 pub fn corner_vertex_layout() -> VertexBufferLayout {
     VertexBufferLayout::from_vertex_formats(
         VertexStepMode::Vertex,
@@ -49,6 +52,7 @@ pub fn corner_vertex_layout() -> VertexBufferLayout {
             VertexFormat::Float32x3,
             VertexFormat::Float32x2,
             VertexFormat::Uint32,
+            VertexFormat::Float32x3,
             VertexFormat::Float32x3,
         ],
     )
@@ -100,6 +104,8 @@ pub struct OrganUniform {
     pub lights: OrganLights,
     /// -1 where the transform mirrors, so that front and back are exchanged; otherwise 1.
     pub handedness: f32,
+    /// Whether the chart is planar: then nothing wraps round.
+    pub is_planar: u32,
 }
 
 /// Bind group layouts that all layers share.
@@ -277,7 +283,7 @@ pub(super) fn write_buffers(
     mut buffers: ResMut<OrganBuffers>,
     mut extracted: ResMut<ExtractedOrgans>,
     scene: Option<Res<SceneLights>>,
-    uploaded: Option<Res<UploadedBytes>>,
+    uploaded: Option<Res<Uploads>>,
     device: Res<RenderDevice>,
     queue: Res<RenderQueue>,
 ) {
@@ -308,6 +314,7 @@ pub(super) fn write_buffers(
             world_from_organ_normal: organ.world_from_organ.inverse().transpose(),
             lights,
             handedness: organ.world_from_organ.determinant().signum(),
+            is_planar: organ.is_planar.into(),
         });
         buffers.offsets.insert(organ.entity, offset);
     }

@@ -8,7 +8,7 @@ mod textures;
 pub use prepare::SkinUniform;
 pub use textures::{SkinTexture, SkinTileLibrary};
 
-use crate::organ::render::PrepareOrgans;
+use crate::organ::render::{PrepareOrgans, prepare_layer_pipelines};
 use crate::render::OrganPasses;
 use bevy::core_pipeline::schedule::Core3d;
 use bevy::prelude::*;
@@ -28,7 +28,7 @@ pub(super) fn build(app: &mut App) {
         .add_systems(
             Render,
             (
-                prepare::prepare_pipelines.in_set(RenderSystems::PrepareResources),
+                prepare_layer_pipelines::<prepare::SkinLayer>.in_set(RenderSystems::PrepareResources),
                 prepare::write_buffers.in_set(RenderSystems::PrepareResources),
                 prepare::prepare_bind_groups.in_set(RenderSystems::PrepareBindGroups),
             ),

@@ -2,14 +2,10 @@
 
 use super::extract::ExtractedSkins;
 use crate::organ::OrganModel;
-use crate::organ::render::{
-    ExtractedOrgans, GpuOrganModel, OrganLayouts, OrganPipelineKey, OrganSides, layer_shader, organ_pipeline_descriptor,
-};
-use crate::render::UploadedBytes;
+use crate::organ::render::{ExtractedOrgans, GpuOrganModel, OrganLayer, OrganLayouts, layer_shader};
+use crate::render::Uploads;
 use crate::skin::tiles::assign_tiles;
-use bevy::core_pipeline::tonemapping::Tonemapping;
 use bevy::prelude::*;
-use bevy::render::camera::ExtractedCamera;
 use bevy::render::render_asset::RenderAssets;
 use bevy::render::render_resource::{
     binding_types::{sampler, storage_buffer_read_only_sized, texture_2d_array, uniform_buffer},
@@ -18,7 +14,6 @@ use bevy::render::render_resource::{
 use bevy::render::renderer::{RenderDevice, RenderQueue};
 use bevy::render::sync_world::MainEntity;
 use bevy::render::texture::GpuImage;
-use bevy::render::view::ExtractedView;
 use std::collections::BTreeMap;
 
 /// A skin's parameters as the shader reads them (`shaders/skin/skin.wgsl`).
@@ -40,38 +35,8 @@ pub struct SkinUniform {
     pub relief_m: f32,
 }
 
-#[derive(Resource)]
-pub(super) struct SkinPipeline {
-    layout: BindGroupLayoutDescriptor,
-    variants: Variants<RenderPipeline, SkinSpecializer>,
-}
-
-struct SkinSpecializer;
-
-impl Specializer<RenderPipeline> for SkinSpecializer {
-    type Key = OrganPipelineKey;
-
-    fn specialize(
-        &self,
-        key: OrganPipelineKey,
-        descriptor: &mut RenderPipelineDescriptor,
-    ) -> Result<Canonical<OrganPipelineKey>, BevyError> {
-        key.apply(descriptor);
-        let target = ColorTargetState { format: key.format, blend: None, write_mask: ColorWrites::ALL };
-        descriptor.fragment_mut()?.set_target(0, target);
-        Ok(key)
-    }
-}
-
-/// The pipelines of the skin in a view, one for each of [`OrganSides::ALL`].
-#[derive(Component)]
-pub(super) struct SkinPipelineIds([CachedRenderPipelineId; 3]);
-
-impl SkinPipelineIds {
-    pub fn of(&self, sides: OrganSides) -> CachedRenderPipelineId {
-        self.0[sides as usize]
-    }
-}
+/// Names the layer.
+pub(super) struct SkinLayer;
 
 pub(super) fn init_pipeline(mut commands: Commands, layouts: Res<OrganLayouts>, assets: Res<AssetServer>) {
     let layout = BindGroupLayoutDescriptor::new(
@@ -88,26 +53,7 @@ pub(super) fn init_pipeline(mut commands: Commands, layouts: Res<OrganLayouts>, 
         ),
     );
     let shader = layer_shader(&assets, "skin/skin.wgsl");
-    let descriptor = organ_pipeline_descriptor("skin_pipeline", &layouts, std::slice::from_ref(&layout), shader, true);
-    commands.insert_resource(SkinPipeline { layout, variants: Variants::new(SkinSpecializer, descriptor) });
-}
-
-pub(super) fn prepare_pipelines(
-    mut commands: Commands,
-    cache: Res<PipelineCache>,
-    mut pipeline: ResMut<SkinPipeline>,
-    views: Query<(Entity, &ExtractedView, &ExtractedCamera, &Msaa, Option<&Tonemapping>)>,
-) -> Result {
-    for (entity, view, camera, msaa, tonemapping) in &views {
-        let mut id = |sides| {
-            let key = OrganPipelineKey::of_view(view, camera, msaa, tonemapping, sides);
-            pipeline.variants.specialize(&cache, key)
-        };
-        let [outside, mirrored, both] = OrganSides::ALL;
-        let ids = SkinPipelineIds([id(outside)?, id(mirrored)?, id(both)?]);
-        commands.entity(entity).insert(ids);
-    }
-    Ok(())
+    commands.insert_resource(OrganLayer::<SkinLayer>::new("skin", &layouts, vec![layout], shader, None));
 }
 
 struct SkinInstance {
@@ -134,7 +80,7 @@ pub(super) fn write_buffers(
     models: Res<RenderAssets<GpuOrganModel>>,
     device: Res<RenderDevice>,
     queue: Res<RenderQueue>,
-    uploaded: Option<Res<UploadedBytes>>,
+    uploaded: Option<Res<Uploads>>,
 ) {
     let mut bytes = 0;
     instances.0.retain(|entity, _| extracted.skins.binary_search_by_key(entity, |skin| skin.entity).is_ok());
@@ -179,12 +125,12 @@ pub(super) fn prepare_bind_groups(
     mut instances: ResMut<SkinInstances>,
     extracted: Res<ExtractedSkins>,
     organs: Res<ExtractedOrgans>,
-    pipeline: Res<SkinPipeline>,
+    layer: Res<OrganLayer<SkinLayer>>,
     images: Res<RenderAssets<GpuImage>>,
     cache: Res<PipelineCache>,
     device: Res<RenderDevice>,
 ) {
-    let layout = cache.get_bind_group_layout(&pipeline.layout);
+    let layout = cache.get_bind_group_layout(&layer.own_groups[0]);
     for skin in &extracted.skins {
         let Some(instance) = instances.0.get_mut(&skin.entity) else { continue };
         instance.bind_group = None;
