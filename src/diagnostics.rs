@@ -1,5 +1,6 @@
-//! How long the stages of a step take, as Bevy diagnostics.
+//! How long the stages of a step take and how many steps a frame runs, as Bevy diagnostics.
 
+use crate::pacing::Pacing;
 use crate::schedule::SurgerySystems;
 use bevy::diagnostic::{Diagnostic, DiagnosticPath, Diagnostics, RegisterDiagnostic};
 use bevy::prelude::*;
@@ -16,7 +17,12 @@ const STAGES: [(SurgerySystems, DiagnosticPath); 8] = [
     (SurgerySystems::Publish, DiagnosticPath::const_new("surgery/publish")),
 ];
 
-/// Measures every stage of [`SurgerySystems`] in milliseconds, under `surgery/<stage>` in Bevy's `DiagnosticsStore`.
+const STEPS: DiagnosticPath = DiagnosticPath::const_new("surgery/steps_per_frame");
+const LOST: DiagnosticPath = DiagnosticPath::const_new("surgery/lost_time");
+
+/// Measures every stage of [`SurgerySystems`] in milliseconds, under `surgery/<stage>` in Bevy's `DiagnosticsStore`; and
+/// from [`Pacing`] the steps of each frame, under `surgery/steps_per_frame`, and the milliseconds that it gave up because the
+/// machine was too slow, under `surgery/lost_time`.
 ///
 /// Not in [`SurgeryPlugins`](crate::SurgeryPlugins): add it where the times are wanted.
 pub struct SurgeryDiagnosticsPlugin;
@@ -45,7 +51,16 @@ impl Plugin for SurgeryDiagnosticsPlugin {
             };
         }
         app.add_systems(FixedUpdate, report.after(SurgerySystems::Publish));
+        app.register_diagnostic(Diagnostic::new(STEPS))
+            .register_diagnostic(Diagnostic::new(LOST).with_suffix(" ms"))
+            .add_systems(Last, report_pace);
     }
+}
+
+fn report_pace(pacing: Option<Res<Pacing>>, mut diagnostics: Diagnostics) {
+    let Some(pacing) = pacing else { return };
+    diagnostics.add_measurement(&STEPS, || f64::from(pacing.steps));
+    diagnostics.add_measurement(&LOST, || pacing.lost_last_frame_s * 1e3);
 }
 
 fn report(mut times: ResMut<StageTimes>, mut diagnostics: Diagnostics) {

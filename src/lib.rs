@@ -34,7 +34,11 @@
 #![warn(missing_docs)]
 
 pub mod diagnostics;
+pub mod gravity;
+pub mod highlights;
 pub mod organ;
+pub mod pacing;
+pub mod reactions;
 #[cfg(feature = "render")]
 pub mod render;
 pub mod schedule;
@@ -46,10 +50,19 @@ pub mod view;
 /// What a scene needs, in one import.
 pub mod prelude {
     pub use crate::SurgeryPlugins;
+    pub use crate::gravity::SurgeryGravity;
+    pub use crate::highlights::{HighlightCover, Highlights, HighlightsPlugin};
     pub use crate::organ::clean::{Topology, Weld};
     pub use crate::organ::load::{LoadOptions, MeshUnit};
     pub use crate::organ::{
-        ChartKind, Hollow, Organ, OrganModel, OrganOptions, OrganPlugin, OrganShape, SurfacePoint, procedural_ellipsoid,
+        ChartKind, Hollow, Organ, OrganHit, OrganModel, OrganOptions, OrganPicking, OrganPlugin, OrganShape,
+        SurfacePoint, procedural_ellipsoid,
+    };
+    pub use crate::pacing::Pacing;
+    pub use crate::reactions::burn::Cautery;
+    pub use crate::reactions::kind::{AddReactionKind, KindId, ReactionKind, ReactionKinds};
+    pub use crate::reactions::{
+        OrganReacted, OrganTouch, ReactionAction, ReactionEvent, ReactionModel, Reactions, ReactionsPlugin, Wound,
     };
     #[cfg(feature = "render")]
     pub use crate::render::{OrganPasses, SurgeryRenderPlugin};
@@ -80,6 +93,8 @@ use bevy::app::{PluginGroup, PluginGroupBuilder};
 /// | [`SurgeryRenderPlugin`](render::SurgeryRenderPlugin) (feature `render`) | shaders, light list, [`OrganPasses`](render::OrganPasses) | |
 /// | [`OrganPlugin`](organ::OrganPlugin) | organ loaders, [`Organ`](organ::Organ), [`OrganShape`](organ::OrganShape) | schedule |
 /// | [`SkinPlugin`](skin::SkinPlugin) | [`Skin`](skin::Skin) | organ; render to be seen |
+/// | [`ReactionsPlugin`](reactions::ReactionsPlugin) | [`Reactions`](reactions::Reactions), [`OrganTouch`](reactions::OrganTouch) | organ; render to be seen |
+/// | [`HighlightsPlugin`](highlights::HighlightsPlugin) | [`Highlights`](highlights::Highlights) | organ; render to be seen |
 /// | [`SurgeryViewPlugin`](view::SurgeryViewPlugin) (feature `render`) | [`Endoscope`](view::Endoscope), [`ScopeLight`](view::ScopeLight), [`ScopeMask`](view::ScopeMask) | render |
 pub struct SurgeryPlugins;
 
@@ -88,7 +103,11 @@ impl PluginGroup for SurgeryPlugins {
         let group = PluginGroupBuilder::start::<Self>().add(schedule::SurgerySchedulePlugin::default());
         #[cfg(feature = "render")]
         let group = group.add(render::SurgeryRenderPlugin);
-        let group = group.add(organ::OrganPlugin::default()).add(skin::SkinPlugin);
+        let group = group
+            .add(organ::OrganPlugin::default())
+            .add(skin::SkinPlugin)
+            .add(reactions::ReactionsPlugin)
+            .add(highlights::HighlightsPlugin);
         #[cfg(feature = "render")]
         let group = group.add(view::SurgeryViewPlugin);
         group

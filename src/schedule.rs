@@ -60,5 +60,6 @@ impl Plugin for SurgerySchedulePlugin {
         if let Some(hz) = self.steps_per_second.or(is_unset.then_some(60.0)) {
             app.insert_resource(Time::<Fixed>::from_hz(hz));
         }
+        crate::pacing::build(app);
     }
 }

@@ -108,7 +108,7 @@ fn a_broken_shader_fails() {
     let broken = Shader::from_wgsl("@fragment fn fragment() -> nonsense { return 1; }", "skin/skin.wgsl");
     shaders.insert(shader.id(), broken).expect("the shader's place is there");
     let reason = panic_of(|| app.step(3)).expect("a shader that does not compile must fail the test");
-    assert!(reason.contains("skin_pipeline"), "{reason}");
+    assert!(reason.contains("pipeline skin failed"), "{reason}");
 }
 
 #[test]

@@ -2,11 +2,20 @@
 
 mod documents;
 mod harness;
+mod highlights;
 mod organ_asset;
 mod organ_atlas;
 mod organ_chart;
 mod organ_load;
+mod organ_pick;
 mod organ_texture_mesh;
+mod pacing;
+mod reactions_drops;
+mod reactions_heat;
+mod reactions_model;
+mod reactions_paint;
+mod reactions_pass;
+mod reactions_regions;
 mod reflection;
 mod schedule;
 mod shaders;

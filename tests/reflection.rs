@@ -11,6 +11,14 @@ const NOT_DATA: &[(&str, &str)] = &[
     ("Loader", "an asset loader"),
     ("OrganPasses", "a system set"),
     ("PrepareOrgans", "a system set"),
+    ("ShapeOrgans", "a system set"),
+    ("OrganPicking", "a system parameter"),
+    ("StepContext", "borrows"),
+    ("Ageing", "an argument"),
+    ("Motion", "borrows"),
+    ("Surface", "borrows"),
+    ("Stroke", "borrows"),
+    ("ReactionKinds", "holds code"),
     ("TestApp", "the test harness"),
     ("GpuTarget", "the test harness"),
     ("GraphicsAdapter", "an answer of the driver, not of the world"),
@@ -19,7 +27,8 @@ const NOT_DATA: &[(&str, &str)] = &[
 ];
 
 /// Folders whose types live in the render world, which has no registry.
-const RENDER_WORLD: &[&str] = &["organ/render/", "render/lights.rs", "render/uploads.rs", "skin/render/prepare.rs"];
+const RENDER_WORLD: &[&str] =
+    &["organ/render/", "render/lights.rs", "render/uploads.rs", "highlights/render/", "skin/render/prepare.rs"];
 
 /// Public types of the sources: name, file, and whether `Reflect` is derived.
 fn public_types(folder: &Path, found: &mut Vec<(String, String, bool)>) {

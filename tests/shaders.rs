@@ -4,6 +4,7 @@ use bevy::asset::LoadState;
 use bevy::prelude::*;
 use bevy::render::render_resource::encase::private::ShaderType as _;
 use bevy::render::view::ViewUniform;
+use bevy_surgery::highlights::{HighlightRing, HighlightsUniform};
 use bevy_surgery::organ::render::{OrganUniform, PrimaryVertex, corner_vertex_layout};
 use bevy_surgery::render::{LightUniform, OrganLights, SHADERS};
 use bevy_surgery::skin::SkinUniform;
@@ -172,6 +173,10 @@ fn rust_and_wgsl_agree_on_every_struct() {
     assert_layout!(&skin, "OrganLights", OrganLights);
     assert_layout!(&skin, "OrganUniform", OrganUniform);
     assert_layout!(&skin, "SkinUniform", SkinUniform);
+    let highlights = compose(&mut composer, "highlights/highlights.wgsl", source("highlights/highlights.wgsl"));
+    let highlights = highlights.expect("composes");
+    assert_layout!(&highlights, "HighlightRing", HighlightRing);
+    assert_layout!(&highlights, "HighlightsUniform", HighlightsUniform);
     assert_layout!(&mask, "ScopeMaskUniform", ScopeMaskUniform);
     let (size, offsets) = layout_in(&skin, "PrimaryVertex");
     assert_eq!(size as usize, size_of::<PrimaryVertex>());
@@ -210,7 +215,16 @@ fn no_struct_escapes_the_comparison() {
         found.extend(buffer_structs(&compose(&mut composer, shader.path, shader.source).expect("composes")));
     }
     // `ColorGrading` is a part of Bevy's `View`, whose size is compared.
-    let compared = ["ColorGrading", "LightUniform", "OrganLights", "OrganUniform", "PrimaryVertex", "ScopeMaskUniform"];
+    let compared = [
+        "ColorGrading",
+        "HighlightRing",
+        "HighlightsUniform",
+        "LightUniform",
+        "OrganLights",
+        "OrganUniform",
+        "PrimaryVertex",
+        "ScopeMaskUniform",
+    ];
     let compared: BTreeSet<String> = compared.into_iter().chain(["SkinUniform", "View"]).map(String::from).collect();
     assert_eq!(found, compared, "add new structs to `rust_and_wgsl_agree_on_every_struct` and to this list");
 }

@@ -13,13 +13,33 @@ pub enum Backend {
     Cpu,
 }
 
+/// What is done with nobody there.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, clap::ValueEnum)]
+pub enum Script {
+    /// Nothing: the organ turns.
+    #[default]
+    None,
+    /// Everything that the example can do.
+    Demo,
+}
+
+impl Script {
+    /// Steps that it takes.
+    pub fn steps(self) -> u32 {
+        match self {
+            Self::None => 60,
+            Self::Demo => 660,
+        }
+    }
+}
+
 /// Arguments of every example. With a display a window opens; without one, or with --out, frames are drawn headless
 /// and written with a report.json. Relative paths count from the working folder.
 #[derive(clap::Parser, Resource, Clone, Debug)]
 pub struct Args {
-    /// Steps to run headless; a window runs until it is closed.
-    #[arg(long, default_value_t = 60)]
-    pub frames: u32,
+    /// Steps to run headless, 60 or as many as the script takes; a window runs until it is closed.
+    #[arg(long, value_name = "N")]
+    pub frames: Option<u32>,
     /// Size of the picture in pixels.
     #[arg(long, value_name = "WxH", default_value = "800x600", value_parser = parse_size)]
     pub size: UVec2,
@@ -44,10 +64,24 @@ pub struct Args {
     /// An organ of your own: OBJ, STL, PLY, glTF or GLB; closed and without handles.
     #[arg(long, value_name = "PATH")]
     pub mesh: Option<PathBuf>,
+    /// What the example liver does by itself.
+    #[arg(long, value_enum, default_value_t = Script::None)]
+    pub script: Script,
+    /// Width of the reaction map of the example liver in texels, 64 to 8192.
+    #[arg(long, value_name = "N", default_value_t = 1024)]
+    #[allow(dead_code, reason = "not every example has reactions")]
+    pub map: u32,
     /// Skin and size of the organ in the example liver: liver, gallbladder, spleen, kidney or mucosa.
     #[arg(long, value_name = "NAME", default_value = "liver")]
     #[allow(dead_code, reason = "not every example shows a single organ")]
     pub preset: OrganPreset,
+}
+
+impl Args {
+    /// Steps to run headless.
+    pub fn steps(&self) -> u32 {
+        self.frames.unwrap_or(self.script.steps())
+    }
 }
 
 fn parse_size(text: &str) -> Result<UVec2, String> {

@@ -6,6 +6,6 @@ mod report;
 mod run;
 
 #[allow(unused_imports, reason = "not every example uses every part")]
-pub use args::{Args, Backend};
+pub use args::{Args, Backend, Script};
 #[allow(unused_imports, reason = "not every example uses every part")]
 pub use run::{Stage, Viewer, main_with, organ};

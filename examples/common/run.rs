@@ -186,11 +186,11 @@ fn run_headless(
     let mut measures = Measures::default();
     wait_for_organs(&mut app, &mut measures)?;
     app.warm_up();
-    for frame in 0..args.frames {
+    for frame in 0..args.steps() {
         let started = Instant::now();
         app.step(1);
         measures.take(&app, started.elapsed());
-        if frame % args.every.max(1) == 0 || frame + 1 == args.frames {
+        if frame % args.every.max(1) == 0 || frame + 1 == args.steps() {
             let file = out.join(format!("frame-{frame:04}.png"));
             app.capture().save(&file).map_err(|error| format!("{}: {error}", file.display()))?;
         }
@@ -217,7 +217,7 @@ fn run_models(
     add(&mut app);
     let mut measures = Measures::default();
     wait_for_organs(&mut app, &mut measures)?;
-    for _ in 0..args.frames {
+    for _ in 0..args.steps() {
         let started = Instant::now();
         app.step(1);
         measures.take(&app, started.elapsed());

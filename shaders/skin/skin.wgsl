@@ -105,7 +105,9 @@ fn fragment(in: Varying, @builtin(front_facing) is_front: bool) -> @location(0) 
     let wrap = skin.scatter * vec3(1.0, 0.45, 0.35);
     var diffuse = organ.lights.ambient * PI;
     var sheen = vec3(0.0);
-    for (var k = 0u; k < organ.lights.count; k++) {
+    // Software drivers run the body of a `for` once more than it turns. Unused lights are dark.
+    var k = 0u;
+    loop {
         let light = organ.lights.lights[k];
         let beam = incident(light, in.position_world_m);
         let cosine = dot(normal, beam.to_light);
@@ -115,6 +117,10 @@ fn fragment(in: Varying, @builtin(front_facing) is_front: bool) -> @location(0) 
         let facing = 1.0 - max(dot(eye, halfway), 0.0);
         let fresnel = 0.028 + 0.972 * facing * facing * facing * facing * facing;
         sheen += beam.illuminance_lux * max(cosine, 0.0) * lobe * fresnel;
+        k++;
+        continuing {
+            break if k >= organ.lights.count;
+        }
     }
     let radiance = (albedo * diffuse + skin.sheen * sheen) / PI;
     return to_target(radiance, 1.0);

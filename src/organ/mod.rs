@@ -17,6 +17,8 @@ mod ellipsoid;
 pub mod error;
 pub mod load;
 pub mod mesh;
+pub mod pick;
+mod picking;
 pub mod planar;
 pub mod procedural;
 #[cfg(feature = "render")]
@@ -30,7 +32,8 @@ pub use build::{ChartKind, OrganError, OrganModel, OrganOptions, OrganParts, Org
 pub use cache::OrganCache;
 pub use ellipsoid::procedural_ellipsoid;
 pub use mesh::SurfaceMesh;
-pub use shape::{Hollow, Organ, OrganShape, awaited_models};
+pub use picking::{OrganHit, OrganPicking};
+pub use shape::{Hollow, Organ, OrganShape, ShapeOrgans, awaited_models};
 pub use sphere::{SphereMesh, SurfacePoint};
 
 use bevy::prelude::*;
@@ -46,9 +49,13 @@ impl Plugin for OrganPlugin {
     fn build(&self, app: &mut App) {
         asset::build(app, self.cache.clone());
         shape::build(app);
+        picking::build(app);
         app.register_type::<OrganParts>()
             .register_type::<OrganCache>()
             .register_type::<atlas::SurfaceFrame>()
+            .register_type::<pick::OrganPicker>()
+            .register_type::<pick::PickHit>()
+            .register_type::<pick::NearestHit>()
             .register_type::<clean::CleanReport>()
             .register_type::<clean::RawMesh>()
             .register_type::<procedural::ProceduralLiver>()

@@ -81,11 +81,15 @@ pub fn awaited_models<'w>(
     organs.filter(|(organ, shape)| !is_shaped(organ, *shape)).map(|(organ, _)| organ.0.clone()).collect()
 }
 
+/// In `PreUpdate`: organs whose model has arrived get their [`OrganShape`].
+#[derive(SystemSet, Debug, Clone, Copy, PartialEq, Eq, Hash)]
+pub struct ShapeOrgans;
+
 pub(super) fn build(app: &mut App) {
     app.register_type::<Organ>()
         .register_type::<OrganShape>()
         .register_type::<Hollow>()
-        .add_systems(PreUpdate, shape_loaded_organs)
+        .add_systems(PreUpdate, shape_loaded_organs.in_set(ShapeOrgans))
         .add_systems(FixedUpdate, follow_moved_vertices.in_set(SurgerySystems::Publish));
 }
 
@@ -104,7 +108,7 @@ fn shape_loaded_organs(
     }
 }
 
-fn follow_moved_vertices(mut shapes: Query<&mut OrganShape, Changed<OrganShape>>) {
+pub(super) fn follow_moved_vertices(mut shapes: Query<&mut OrganShape, Changed<OrganShape>>) {
     for mut shape in shapes.iter_mut().filter(|shape| shape.normals_are_stale) {
         let OrganShape { positions_m, normals, normals_are_stale, model: Some(model) } = &mut *shape else { continue };
         vertex_normals_into(positions_m, &model.mesh.triangles, normals);

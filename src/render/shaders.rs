@@ -29,8 +29,10 @@ macro_rules! shader {
 
 /// All shaders of the crate; a test compares this list with the folder.
 pub const SHADERS: &[EmbeddedShader] = &[
+    shader!("highlights/highlights.wgsl", false),
     shader!("lights.wgsl", true),
     shader!("organ.wgsl", true),
+    shader!("reactions/reactions.wgsl", false),
     shader!("skin/skin.wgsl", false),
     shader!("view/mask.wgsl", false),
 ];

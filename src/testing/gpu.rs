@@ -130,6 +130,11 @@ impl TestApp {
     /// Like [`TestApp::capture`] where black is a possible answer.
     pub fn capture_even_if_black(&mut self) -> RgbaImage {
         self.warm_up();
+        self.capture_next_frame()
+    }
+
+    /// The picture of the next frame, whatever is there yet: where something else warmed the app up.
+    pub fn capture_next_frame(&mut self) -> RgbaImage {
         let target = self.target();
         let taken: Arc<Mutex<Option<Vec<u8>>>> = default();
         let slot = taken.clone();

@@ -109,6 +109,21 @@ pub struct OrganLayerView<L: Send + Sync + 'static> {
     resolution: Option<&'static MainPassResolutionOverride>,
 }
 
+/// What a layer draws on an organ.
+#[derive(Clone, Copy)]
+pub struct OrganPart<'a> {
+    /// Group 2 of its pipeline.
+    pub group: &'a BindGroup,
+    /// Indices (`u32`, three per triangle) of the skin triangles that it covers, and how many; `None` for all of them.
+    pub indices: Option<(&'a Buffer, u32)>,
+}
+
+impl<'a> From<&'a BindGroup> for OrganPart<'a> {
+    fn from(group: &'a BindGroup) -> Self {
+        Self { group, indices: None }
+    }
+}
+
 /// Draws layers on the organs that a camera sees; a parameter of systems in `Core3d`.
 #[derive(SystemParam)]
 pub struct OrganDraw<'w> {
@@ -119,14 +134,14 @@ pub struct OrganDraw<'w> {
 }
 
 impl OrganDraw<'_> {
-    /// Draws a layer on the organs of a view for which `own_group` has group 2; near ones first, and what surrounds
-    /// the camera last, so that hidden pixels cost a depth test and no shading.
-    pub fn draw<'a, L: Send + Sync + 'static>(
+    /// Draws a layer on the organs of a view that have a part in it; near ones first, and what surrounds the camera
+    /// last, so that hidden pixels cost a depth test and no shading.
+    pub fn draw<'a, L: Send + Sync + 'static, P: Into<OrganPart<'a>>>(
         &'a self,
         label: &'static str,
         view: ViewQuery<OrganLayerView<L>>,
         ctx: &mut RenderContext,
-        own_group: impl Fn(MainEntity) -> Option<&'a BindGroup>,
+        part_of: impl Fn(MainEntity) -> Option<P>,
     ) {
         let view_entity = view.entity();
         let view = view.into_inner();
@@ -139,10 +154,10 @@ impl OrganDraw<'_> {
             .filter_map(|&(_, entity)| {
                 let place = self.organs.organs.binary_search_by_key(&entity, |organ| organ.entity).ok()?;
                 let organ = &self.organs.organs[place];
-                let own = own_group(entity)?;
+                let part: OrganPart = part_of(entity)?.into();
                 let model = self.models.get(organ.model)?;
                 let pipeline = self.cache.get_render_pipeline(view.pipelines.ids[organ.sides as usize])?;
-                Some((organ, pipeline, model, self.groups.organ(entity)?, own))
+                Some((organ, pipeline, model, self.groups.organ(entity)?, part))
             })
             .collect();
         if drawable.is_empty() {
@@ -168,14 +183,15 @@ impl OrganDraw<'_> {
         if let Some(viewport) = Viewport::from_viewport_and_override(view.camera.viewport.as_ref(), view.resolution) {
             pass.set_camera_viewport(&viewport);
         }
-        for (_, pipeline, model, (organ_group, organ_offset), own) in drawable {
+        for (_, pipeline, model, (organ_group, organ_offset), part) in drawable {
             pass.set_render_pipeline(pipeline);
             pass.set_bind_group(0, view_group, &[view.offset.offset]);
             pass.set_bind_group(1, organ_group, &[organ_offset]);
-            pass.set_bind_group(2, own, &[]);
+            pass.set_bind_group(2, part.group, &[]);
             pass.set_vertex_buffer(0, model.corners.slice(..));
-            pass.set_index_buffer(model.indices.slice(..), IndexFormat::Uint32);
-            pass.draw_indexed(0..model.index_count, 0, 0..1);
+            let (indices, count) = part.indices.unwrap_or((&model.indices, model.index_count));
+            pass.set_index_buffer(indices.slice(..), IndexFormat::Uint32);
+            pass.draw_indexed(0..count, 0, 0..1);
         }
         span.end(&mut pass);
     }

@@ -10,7 +10,7 @@ mod prepare;
 
 pub use extract::{ExtractedOrgan, ExtractedOrgans, PrimaryVertex};
 pub use gloss::{NEUTRAL_GLOSS, OrganGloss};
-pub use layer::{OrganDraw, OrganLayer, OrganLayerPipelines, OrganLayerView, prepare_layer_pipelines};
+pub use layer::{OrganDraw, OrganLayer, OrganLayerPipelines, OrganLayerView, OrganPart, prepare_layer_pipelines};
 pub(crate) use prepare::layer_shader;
 pub use prepare::{
     CornerVertex, GpuOrganModel, OrganBindGroups, OrganLayouts, OrganPipelineKey, OrganSides, OrganUniform,

@@ -1,0 +1,189 @@
+//! The reaction stage with 10 and with 100 rolling drops, and the passes that show it.
+//!
+//! What is compared takes turns, step by step or frame by frame, so that a machine that slows down slows all of it.
+
+use bevy::math::DVec3;
+use bevy::prelude::*;
+use bevy_surgery::organ::mesh::SurfaceMesh;
+use bevy_surgery::prelude::*;
+use bevy_surgery::reactions::kinds::Blood;
+use bevy_surgery::reactions::model::{StepContext, Touch};
+use bevy_surgery::testing::TestApp;
+use criterion::{Criterion, criterion_group, criterion_main};
+use rand::{RngExt, SeedableRng};
+use rand_pcg::Pcg32;
+use std::time::{Duration, Instant};
+
+fn median_ms(times: &[Duration]) -> f64 {
+    let mut sorted = times.to_vec();
+    sorted.sort();
+    sorted[sorted.len() / 2].as_secs_f64() * 1e3
+}
+
+fn liver() -> OrganModel {
+    OrganModel::procedural_liver(&OrganOptions::default()).expect("the crate's own liver")
+}
+
+/// A liver on which as many drops are always on their way.
+struct Rain {
+    organ: OrganModel,
+    shape: OrganShape,
+    kinds: ReactionKinds,
+    model: ReactionModel,
+    drops: usize,
+    random: Pcg32,
+}
+
+impl Rain {
+    fn new(drops: usize) -> Self {
+        let organ = liver();
+        let mut kinds = ReactionKinds::default();
+        // Trails of 30 sprites while the drop is there, and soon gone after it.
+        kinds.replace(KindId::BLOOD, Blood { fading_time_s: 2.0, stains: false, ..default() });
+        let settings = Reactions { max_touches_per_step: 1000, ..default() };
+        let model = ReactionModel::new(&organ, &settings);
+        let shape = OrganShape::at_rest(&organ);
+        let mut rain = Self { organ, shape, kinds, model, drops, random: Pcg32::seed_from_u64(5) };
+        for _ in 0..240 {
+            rain.step();
+        }
+        rain
+    }
+
+    /// A place that looks up.
+    fn place(mesh: &SurfaceMesh, random: &mut Pcg32) -> SurfacePoint {
+        loop {
+            let face = random.random_range(0..mesh.triangles.len() as u32);
+            let [a, b, c] = mesh.corners(face);
+            if (b - a).cross(c - a).normalize_or_zero().y > 0.2 {
+                return SurfacePoint { face, barycentric: DVec3::splat(1.0 / 3.0) };
+            }
+        }
+    }
+
+    fn step(&mut self) {
+        let missing = self.drops.saturating_sub(self.model.drop_count(&self.kinds));
+        let touches: Vec<Touch> = (0..missing)
+            .map(|_| Touch {
+                point: Self::place(&self.organ.mesh, &mut self.random),
+                instrument: 0,
+                action: ReactionAction::Bleed { volume_m3: 1.3e-8 },
+            })
+            .collect();
+        let surface = self.organ.surface(&self.shape);
+        let context = StepContext {
+            kinds: &self.kinds,
+            surface: &surface,
+            surface_moved: false,
+            is_inside: false,
+            gravity_m_per_s2: DVec3::new(0.0, -9.81, 0.0),
+            dt_s: 1.0 / 60.0,
+        };
+        self.model.step(&context, &touches);
+    }
+}
+
+fn steps(c: &mut Criterion) {
+    let counts = [10, 100];
+    let mut rains = counts.map(Rain::new);
+    let mut times = [const { Vec::new() }; 2];
+    let mut sprites = [0, 0];
+    for _ in 0..300 {
+        for (place, rain) in rains.iter_mut().enumerate() {
+            let started = Instant::now();
+            rain.step();
+            times[place].push(started.elapsed());
+            sprites[place] += rain.model.sprite_count();
+        }
+    }
+    for ((count, times), sprites) in counts.iter().zip(&times).zip(sprites) {
+        println!("{count} drops, {} sprites: {:.3} ms a step", sprites / 300, median_ms(times));
+    }
+    println!("ratio {:.2}", median_ms(&times[1]) / median_ms(&times[0]));
+    let mut group = c.benchmark_group("reaction step");
+    for (count, rain) in counts.iter().zip(&mut rains) {
+        group.bench_function(format!("{count} drops"), |b| b.iter(|| rain.step()));
+    }
+    group.finish();
+}
+
+/// Which layers the liver has.
+#[derive(Clone, Copy, PartialEq)]
+enum Layers {
+    None,
+    Skin,
+    All,
+}
+
+fn app(layers: Layers) -> TestApp {
+    let mut app = TestApp::gpu(800, 600);
+    let view = Transform::from_xyz(0.0, 0.1, 0.22).looking_at(Vec3::ZERO, Vec3::Y);
+    app.spawn_camera(view);
+    app.world_mut().spawn((ScopeLight::default(), view));
+    if layers != Layers::None {
+        let organ = app.world_mut().resource_mut::<Assets<OrganModel>>().add(liver());
+        let organ = app.world_mut().spawn((Organ(organ), Skin::liver())).id();
+        if layers == Layers::All {
+            app.world_mut().entity_mut(organ).insert((Reactions::default(), Highlights::default()));
+            app.idle_until("the organ", |app| app.world().get::<ReactionModel>(organ).is_some());
+            // Ten drops that roll while the frames are drawn.
+            let mesh = liver();
+            let mut random = Pcg32::seed_from_u64(5);
+            app.world_mut()
+                .resource_mut::<ReactionKinds>()
+                .replace(KindId::BLOOD, Blood { fading_time_s: 2.0, ..default() });
+            let rain = move |mut touches: MessageWriter<OrganTouch>,
+                             kinds: Res<ReactionKinds>,
+                             models: Query<&ReactionModel>| {
+                let drops: usize = models.iter().map(|model| model.drop_count(&kinds)).sum();
+                for _ in drops..10 {
+                    let point = Rain::place(&mesh.mesh, &mut random);
+                    let action = ReactionAction::Bleed { volume_m3: 1.3e-8 };
+                    touches.write(OrganTouch { organ, point, instrument: 0, action });
+                }
+            };
+            app.add_systems(FixedUpdate, rain.in_set(SurgerySystems::Touch));
+        }
+    }
+    app.warm_up();
+    app.step(60);
+    app
+}
+
+fn frames(c: &mut Criterion) {
+    let scenes = [(Layers::None, "empty scene"), (Layers::Skin, "skin"), (Layers::All, "all layers")];
+    let mut apps: Vec<TestApp> = scenes.iter().map(|(layers, _)| app(*layers)).collect();
+    let mut times = [const { Vec::new() }; 3];
+    for _ in 0..60 {
+        for (app, times) in apps.iter_mut().zip(&mut times) {
+            let started = Instant::now();
+            app.step(1);
+            times.push(started.elapsed());
+        }
+    }
+    let [empty, skin, all] = std::array::from_fn(|place| median_ms(&times[place]));
+    println!("empty {empty:.2} ms a frame, skin {:+.2}, reactions and highlights {:+.2}", skin - empty, all - skin);
+    let mut group = c.benchmark_group("frame 800x600 with a step");
+    group.sample_size(20);
+    for (place, (_, name)) in scenes.iter().enumerate() {
+        group.bench_function(*name, |b| {
+            b.iter_custom(|rounds| {
+                let mut spent = Duration::ZERO;
+                for _ in 0..rounds {
+                    for (other, app) in apps.iter_mut().enumerate() {
+                        let started = Instant::now();
+                        app.step(1);
+                        if other == place {
+                            spent += started.elapsed();
+                        }
+                    }
+                }
+                spent
+            });
+        });
+    }
+    group.finish();
+}
+
+criterion_group!(benches, steps, frames);
+criterion_main!(benches);

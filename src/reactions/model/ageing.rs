@@ -1,0 +1,137 @@
+//! Sprites give their heat, age and end.
+
+use super::{ReactionModel, StepContext};
+use crate::reactions::burn::Cautery;
+use crate::reactions::footprint::Footprint;
+use crate::reactions::kind::KindId;
+use crate::reactions::kind::{Ageing, ReactionKind, SpriteFate};
+use crate::reactions::paint::Stroke;
+use crate::reactions::settings::ReactionFault;
+use crate::reactions::snake::{Snake, Sprite};
+
+impl ReactionModel {
+    /// Lays the heat of this step's sprites into the heat map, and lets it spread.
+    pub(super) fn heat_up(&mut self, context: &StepContext) {
+        let mut texels = std::mem::take(&mut self.scratch.texels);
+        for sprite in self.snakes.iter().flat_map(|snake| &snake.sprites).filter(|sprite| sprite.heat_j > 0.0) {
+            if let Some(footprint) = Footprint::new(context.surface, self.size, sprite.point, sprite.radius_m) {
+                texels.clear();
+                footprint.for_each_texel(|x, y, square| texels.push((x, y, Cautery::weight(square.sqrt()))));
+                self.heat.deposit(context.surface, &texels, sprite.heat_j);
+            }
+        }
+        self.scratch.texels = texels;
+        self.heat.step(context.surface, context.dt_s);
+    }
+
+    pub(super) fn age(&mut self, context: &StepContext) {
+        let mut snakes = std::mem::take(&mut self.snakes);
+        for snake in &mut snakes {
+            let Some(kind) = context.kinds.get(snake.kind) else { continue };
+            self.age_snake(context, kind, snake);
+        }
+        snakes.retain(|snake| !snake.sprites.is_empty() || !snake.erased.is_empty());
+        self.snakes = snakes;
+    }
+
+    fn age_snake(&mut self, context: &StepContext, kind: &dyn ReactionKind, snake: &mut Snake) {
+        let dt_s = context.dt_s as f32;
+        let is_kept = kind.liquid().is_some() || snake.cause > 0.0;
+        let mut place = 0;
+        while place < snake.sprites.len() {
+            let is_head = place == 0 && snake.is_active;
+            let sprite = &mut snake.sprites[place];
+            sprite.age_s += dt_s;
+            let fate = kind.age(sprite, &Ageing { dt_s, is_head, cause: snake.cause });
+            if fate == SpriteFate::Stays {
+                place += 1;
+                continue;
+            }
+            if is_head {
+                snake.is_active = false;
+            }
+            let Some(sprite) = snake.sprites.remove(place) else { break };
+            self.end_sprite(context, kind, snake, sprite, fate);
+        }
+        while snake.sprites.len() > kind.longest().max(1) {
+            let Some(sprite) = snake.sprites.pop_back() else { break };
+            let fate = kind.oldest_ends(&sprite);
+            self.end_sprite(context, kind, snake, sprite, fate);
+        }
+        // An instrument that was lifted keeps nothing up; drops go on by themselves.
+        if !is_kept && snake.kind == KindId::WHITENING {
+            snake.is_active = false;
+        }
+        if snake.sprites.is_empty() {
+            self.tally.dried_m3 += std::mem::take(&mut snake.shed_m3);
+        }
+    }
+
+    fn end_sprite(
+        &mut self,
+        context: &StepContext,
+        kind: &dyn ReactionKind,
+        snake: &mut Snake,
+        mut sprite: Sprite,
+        fate: SpriteFate,
+    ) {
+        self.tally.dried_m3 += sprite.volume_m3;
+        if fate == SpriteFate::Bakes {
+            self.bake(context, kind, snake, &sprite);
+        }
+        sprite.erase(&mut snake.erased);
+    }
+
+    /// Paints a sprite for good.
+    fn bake(&mut self, context: &StepContext, kind: &dyn ReactionKind, snake: &Snake, sprite: &Sprite) {
+        let Some(profile) = context.kinds.registered(snake.kind).map(|registered| &*registered.profile) else { return };
+        let made;
+        let footprint = match &sprite.footprint {
+            Some(footprint) => footprint,
+            None => match Footprint::new(context.surface, self.size, sprite.point, sprite.radius_m) {
+                Some(footprint) => {
+                    made = footprint;
+                    &made
+                }
+                None => return,
+            },
+        };
+        let look = kind.look(sprite);
+        let stroke = Stroke {
+            footprint,
+            radius_m: sprite.radius_m,
+            profile,
+            colour: look.colour,
+            gloss: look.gloss,
+            opacity: f32::from(look.opacity) / 255.0,
+        };
+        self.stains.bake(&stroke);
+        self.permanent.bake(&stroke);
+        self.tally.baked_sprites += 1;
+        self.scratch.baked.extend_from_slice(footprint.rects());
+    }
+
+    /// The oldest sprites go where there are too many.
+    pub(super) fn keep_within_budget(&mut self) {
+        let most = self.settings.max_sprites.clamp(1, 100_000) as usize;
+        let mut surplus = self.sprite_count().saturating_sub(most);
+        if surplus == 0 {
+            return;
+        }
+        self.blame(ReactionFault::TooMany);
+        for snake in &mut self.snakes {
+            while surplus > 0
+                && let Some(mut sprite) = snake.sprites.pop_back()
+            {
+                self.tally.dried_m3 += sprite.volume_m3;
+                sprite.erase(&mut snake.erased);
+                surplus -= 1;
+            }
+            if snake.sprites.is_empty() {
+                snake.is_active = false;
+                self.tally.dried_m3 += std::mem::take(&mut snake.shed_m3);
+            }
+        }
+        self.snakes.retain(|snake| !snake.sprites.is_empty() || !snake.erased.is_empty());
+    }
+}

@@ -1,0 +1,231 @@
+//! What instruments do becomes snakes.
+
+use super::{MAX_RADIUS_M, ReactionModel, StepContext, Touch, wounds::OpenWound};
+use crate::organ::sphere::SurfacePoint;
+use crate::reactions::action::{ReactionAction, Wound};
+use crate::reactions::burn::Cautery;
+use crate::reactions::drops::walk;
+use crate::reactions::kind::{KindId, ReactionKinds};
+use crate::reactions::settings::ReactionFault;
+use crate::reactions::snake::{Snake, Sprite};
+use crate::reactions::surface::Surface;
+use std::collections::{BTreeMap, VecDeque};
+
+/// While an organ moves, the heat map learns its new measures so often: a texel's size hardly changes in half a second.
+pub(super) const METRICS_EVERY_STEPS: u64 = 30;
+
+/// Longest way between two touches of an electrode that counts as one stroke, metres.
+const LONGEST_STROKE_M: f64 = 0.03;
+
+/// Most spots along the way between two touches.
+const MOST_SPOTS: usize = 32;
+
+/// Most wounds that bleed at a time.
+const MOST_WOUNDS: usize = 256;
+
+/// The last touch of each instrument.
+pub(super) type Strokes = BTreeMap<u32, Stroke>;
+
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Stroke {
+    point: SurfacePoint,
+    step: u64,
+    /// The snake that it keeps up.
+    snake: u64,
+}
+
+impl ReactionModel {
+    pub(super) fn take_touches(&mut self, context: &StepContext, touches: &[Touch]) {
+        for snake in &mut self.snakes {
+            snake.cause = 0.0;
+        }
+        let budget = self.settings.max_touches_per_step.max(1) as usize;
+        let dropped = touches.len().saturating_sub(budget);
+        if dropped > 0 {
+            self.tally.dropped_touches += dropped as u64;
+            self.blame(ReactionFault::TooMany);
+        }
+        let touches = &touches[dropped..];
+        for touch in touches {
+            let Some(point) = sound(context.surface, touch.point) else {
+                self.blame(ReactionFault::BadPlace);
+                continue;
+            };
+            match &touch.action {
+                ReactionAction::Bleed { volume_m3 } => {
+                    self.start_liquid(context, KindId::BLOOD, point, *volume_m3);
+                }
+                ReactionAction::Wound(wound) => self.open_wound(point, *wound),
+                ReactionAction::Press { pressure, radius_m } => {
+                    self.press(context, touch.instrument, point, *pressure, *radius_m);
+                }
+                ReactionAction::Cauterize(cautery) => {
+                    // Several touches of one electrode in a step share the step's time.
+                    let is_same = |other: &&Touch| {
+                        other.instrument == touch.instrument && matches!(other.action, ReactionAction::Cauterize(_))
+                    };
+                    let share = 1.0 / touches.iter().filter(is_same).count() as f64;
+                    self.cauterize(context, touch.instrument, point, cautery, share);
+                }
+                ReactionAction::Start { kind, radius_m, volume_m3 } => match context.kinds.get(*kind) {
+                    None => self.blame(ReactionFault::UnknownKind),
+                    Some(known) if known.liquid().is_some() => self.start_liquid(context, *kind, point, *volume_m3),
+                    Some(_) => {
+                        self.start_spot(context.kinds, *kind, point, *radius_m);
+                    }
+                },
+            }
+        }
+        // Instruments that have not touched for a while have ended their stroke.
+        let now = self.steps;
+        self.strokes.retain(|_, stroke| stroke.step + 600 > now);
+    }
+
+    /// A snake of a kind that is not liquid; its id.
+    fn start_spot(&mut self, kinds: &ReactionKinds, kind: KindId, point: SurfacePoint, radius_m: f32) -> Option<u64> {
+        let known = kinds.get(kind)?;
+        let Some(radius_m) = self.sound_size(radius_m.into(), MAX_RADIUS_M) else { return None };
+        let radius_m = radius_m as f32;
+        let mut head = Sprite { point, radius_m, full_radius_m: radius_m, opacity: 1.0, ..Sprite::default() };
+        known.begin(&mut head);
+        Some(self.add_snake(kind, head))
+    }
+
+    pub(super) fn start_liquid(&mut self, context: &StepContext, kind: KindId, point: SurfacePoint, volume_m3: f64) {
+        let Some(known) = context.kinds.get(kind) else { return };
+        let Some(drops) = known.liquid() else { return };
+        let drops = drops.tamed();
+        let Some(volume_m3) = self.sound_size(volume_m3, drops.volume_m3(MAX_RADIUS_M)) else { return };
+        let radius_m = drops.radius_m(volume_m3) as f32;
+        let mut head =
+            Sprite { point, radius_m, full_radius_m: radius_m, opacity: 1.0, volume_m3, ..Sprite::default() };
+        known.begin(&mut head);
+        self.tally.bled_m3 += volume_m3;
+        self.add_snake(kind, head);
+    }
+
+    fn add_snake(&mut self, kind: KindId, head: Sprite) -> u64 {
+        let id = self.next_id;
+        self.next_id += 1;
+        self.snakes.push(Snake { kind, id, is_active: true, sprites: VecDeque::from([head]), ..Snake::default() });
+        id
+    }
+
+    /// A size within (0, most]; larger ones are made smaller, what is no positive number is left out.
+    fn sound_size(&mut self, size: f64, most: f64) -> Option<f64> {
+        if !(size > 0.0 && size <= most) {
+            self.blame(ReactionFault::BadSize);
+        }
+        (size > 0.0).then(|| size.min(most))
+    }
+
+    fn open_wound(&mut self, point: SurfacePoint, wound: Wound) {
+        let (Some(rate_m3_per_s), Some(drop_volume_m3)) =
+            (self.sound_size(wound.rate_m3_per_s, 1e-4), self.sound_size(wound.drop_volume_m3, 1e-6))
+        else {
+            return;
+        };
+        if self.wounds.len() == MOST_WOUNDS {
+            self.blame(ReactionFault::TooMany);
+            self.wounds.remove(0);
+        }
+        self.wounds.push(OpenWound {
+            point,
+            wound: Wound { rate_m3_per_s, drop_volume_m3, ..wound },
+            age_s: 0.0,
+            waiting_m3: drop_volume_m3,
+        });
+    }
+
+    fn press(&mut self, context: &StepContext, instrument: u32, point: SurfacePoint, pressure: f32, radius_m: f32) {
+        let Some(radius_m) = self.sound_size(radius_m.into(), MAX_RADIUS_M) else { return };
+        let Some(pressure) = self.sound_size(pressure.into(), 1.0) else { return };
+        let (radius_m, cause) = (radius_m as f32, pressure as f32);
+        let kept = self.strokes.get(&instrument).map(|stroke| stroke.snake);
+        let kept = kept.and_then(|id| self.snakes.binary_search_by_key(&id, |snake| snake.id).ok());
+        let kept = kept.filter(|&place| self.snakes[place].kind == KindId::WHITENING);
+        let snake = match kept {
+            Some(place) => {
+                let spacing = context.kinds.get(KindId::WHITENING).map_or(0.4, |kind| kind.spacing());
+                let snake = &mut self.snakes[place];
+                let Some(head) = snake.sprites.front_mut() else { return };
+                let way_m = context.surface.position_m(head.point).distance(context.surface.position_m(point));
+                if !snake.is_active || way_m > f64::from(spacing * radius_m) {
+                    // What is pressed no longer fades, what is pressed now begins.
+                    let mut next =
+                        Sprite { point, radius_m, full_radius_m: radius_m, opacity: 1.0, ..Sprite::default() };
+                    if let Some(kind) = context.kinds.get(KindId::WHITENING) {
+                        kind.begin(&mut next);
+                    }
+                    snake.sprites.push_front(next);
+                    snake.is_active = true;
+                } else {
+                    head.full_radius_m = radius_m;
+                    if way_m > 0.1 * f64::from(radius_m) {
+                        head.move_to(point, &mut snake.erased);
+                    }
+                }
+                snake.cause = cause;
+                snake.id
+            }
+            None => {
+                let Some(id) = self.start_spot(context.kinds, KindId::WHITENING, point, radius_m) else { return };
+                if let Some(snake) = self.snakes.last_mut() {
+                    snake.cause = cause;
+                }
+                id
+            }
+        };
+        self.strokes.insert(instrument, Stroke { point, step: self.steps, snake });
+    }
+
+    /// Lays the heat of a step, or of a share of it, from where the electrode was in the last step to where it is.
+    fn cauterize(
+        &mut self,
+        context: &StepContext,
+        instrument: u32,
+        point: SurfacePoint,
+        cautery: &Cautery,
+        share: f64,
+    ) {
+        if self.sound_size(cautery.power_w, f64::MAX).is_none() {
+            return;
+        }
+        let heat_j = cautery.heat_j(context.dt_s) * share;
+        let radius_m = cautery.heat_radius_m().min(MAX_RADIUS_M);
+        let before = self.strokes.get(&instrument).filter(|stroke| stroke.step + 1 >= self.steps);
+        let mut spots = vec![point];
+        if let Some(before) = before {
+            let way = context.surface.position_m(point) - context.surface.position_m(before.point);
+            let count = (way.length() / (0.5 * radius_m)) as usize;
+            if way.length() < LONGEST_STROKE_M {
+                let count = count.min(MOST_SPOTS);
+                let between = (1..=count).map(|k| way * (k as f64 / (count + 1) as f64));
+                spots.extend(
+                    between.filter_map(|part| walk(context.surface, before.point, part).ok()).map(|way| way.point),
+                );
+            }
+        }
+        let heat_j = heat_j / spots.len() as f64;
+        for spot in spots {
+            if self.start_spot(context.kinds, KindId::CAUTERIZATION, spot, radius_m as f32).is_some()
+                && let Some(head) = self.snakes.last_mut().and_then(|snake| snake.sprites.front_mut())
+            {
+                head.heat_j = heat_j;
+            }
+        }
+        self.strokes.insert(instrument, Stroke { point, step: self.steps, snake: u64::MAX });
+    }
+}
+
+/// A place with weights that sum to one, if it is one of the surface.
+fn sound(surface: &Surface, point: SurfacePoint) -> Option<SurfacePoint> {
+    let has_face = (point.face as usize) < surface.atlas.chart().triangles.len();
+    if !has_face || !point.barycentric.is_finite() {
+        return None;
+    }
+    let weights = point.barycentric.max(glam::DVec3::ZERO);
+    let sum = weights.element_sum();
+    let point = SurfacePoint { face: point.face, barycentric: weights / sum };
+    (sum > 0.0 && surface.position_m(point).is_finite()).then_some(point)
+}
