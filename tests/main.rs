@@ -8,6 +8,7 @@ mod organ_atlas;
 mod organ_chart;
 mod organ_load;
 mod organ_pick;
+mod organ_picking;
 mod organ_texture_mesh;
 mod pacing;
 mod reactions_drops;

@@ -9,12 +9,12 @@ use bevy_surgery::organ::planar::PlanarChart;
 use bevy_surgery::organ::procedural::{ProceduralLiver, procedural_liver};
 use bevy_surgery::organ::procedural_ellipsoid;
 use bevy_surgery::organ::sphere::{SphereMesh, SurfacePoint};
+use bevy_surgery::organ::surface::Surface;
 use bevy_surgery::reactions::drops::{
     DropCollisions, DropFate, DropHead, DropSettings, Walk, WalkError, WalkStop, walk,
 };
 use bevy_surgery::reactions::kind::KindId;
 use bevy_surgery::reactions::snake::{Snake, Sprite};
-use bevy_surgery::reactions::surface::Surface;
 use glam::{DQuat, DVec3, Vec2, Vec3};
 use proptest::prelude::*;
 use rand::{RngExt, SeedableRng};

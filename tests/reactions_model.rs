@@ -327,7 +327,7 @@ fn a_kind_of_a_user_ages_moves_and_bakes() {
     app.step(180);
     let model = reactions(&app, organ);
     assert!(model.snakes().is_empty() && model.tally().baked_sprites > 5, "{:?}", model.tally());
-    assert!(model.map().colour().iter().any(|texel| *texel == [60, 120, 20, 255]), "it stays visible");
+    assert!(model.map().colour().contains(&[60, 120, 20, 255]), "it stays visible");
     // The id of a kind that nobody registered.
     let stranger = ReactionKinds::default().register(Bile);
     assert_eq!(stranger, kind, "ids count up from the crate's own");

@@ -189,6 +189,16 @@ fn an_exchanged_organ_shows_nothing_old() {
     app.idle();
     let maps = |app: &TestApp| app.sub_app(RenderApp).world().resource::<OrganGloss>().maps.len();
     assert_eq!(maps(&app), 1);
+    app.world_mut().entity_mut(organ).remove::<Reactions>();
+    app.step(2);
+    assert!(app.world().get::<ReactionModel>(organ).is_none());
+    assert_eq!(maps(&app), 0);
+    assert_eq!(app.capture(), clean);
+    app.world_mut().entity_mut(organ).insert(Reactions::default());
+    app.step(1);
+    start(&mut app, organ, red, DVec3::Z, 0.02);
+    app.step(1);
+    assert_eq!(maps(&app), 1);
     app.world_mut().despawn(organ);
     app.step(2);
     assert_eq!(maps(&app), 0);

@@ -52,8 +52,9 @@ fn perform(mut held: ResMut<Held>, mut step: Local<u32>, scopes: Query<(&GlobalT
     let (first, every) = PUNCTURES;
     if let Some(number) = now.checked_sub(first).map(|since| since / every).filter(|&number| number < 10) {
         held.instrument = Instrument::Needle;
-        // Two rows over the upper slope, so that some drops meet on their way down.
-        let at = Vec2::new(-0.02 + 0.075 * number as f32, 0.30 - 0.10 * (number % 2) as f32 - 0.02 * number as f32);
+        // Two rows over the upper slope: what comes from above runs on the wet trail of what began below, and catches it.
+        let (column, row) = ((number / 2) as f32, (number % 2) as f32);
+        let at = Vec2::new(0.15 * column, 0.16 + 0.16 * row - 0.04 * column);
         held.ray = towards(at);
         held.is_on = (now - first) % every < every / 2;
     }

@@ -25,6 +25,7 @@ pub mod procedural;
 pub mod render;
 mod shape;
 pub mod sphere;
+pub mod surface;
 pub mod texture_mesh;
 
 pub use asset::OrganModelLoader;

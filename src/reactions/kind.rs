@@ -3,7 +3,7 @@
 use super::drops::{DropFate, DropHead, DropSettings};
 use super::paint::Profile;
 use super::snake::Sprite;
-use super::surface::Surface;
+use crate::organ::surface::Surface;
 use bevy::prelude::*;
 use glam::DVec3;
 use std::sync::Arc;

@@ -36,7 +36,6 @@ pub mod regions;
 mod render;
 mod settings;
 pub mod snake;
-pub mod surface;
 mod systems;
 pub mod texels;
 

@@ -25,6 +25,7 @@ pub(super) fn build(app: &mut App) {
         .register_type::<SurgeryGravity>()
         .add_message::<OrganTouch>()
         .add_message::<OrganReacted>()
+        .add_observer(end_model)
         .add_systems(PreUpdate, begin_models.after(ShapeOrgans).run_if(resource_exists::<Assets<OrganModel>>))
         .add_systems(FixedUpdate, react.in_set(SurgerySystems::React).run_if(resource_exists::<Assets<OrganModel>>));
 }
@@ -60,6 +61,13 @@ fn begin_models(mut commands: Commands, models: Res<Assets<OrganModel>>, mut org
                 commands.entity(entity).insert(ReactionModel::new(model, &settings));
             }
         }
+    }
+}
+
+/// An organ that is to react no more loses its blood and burns.
+fn end_model(removed: On<Remove, Reactions>, mut commands: Commands) {
+    if let Ok(mut organ) = commands.get_entity(removed.entity) {
+        organ.try_remove::<ReactionModel>();
     }
 }
 

@@ -6,9 +6,9 @@
 //! with the number of sprites and hardly with that of pairs.
 
 use super::settings::DropSettings;
+use crate::organ::surface::Surface;
 use crate::reactions::kind::KindId;
 use crate::reactions::snake::{Snake, Sprite};
-use crate::reactions::surface::Surface;
 use bevy::reflect::Reflect;
 use glam::DVec3;
 

@@ -9,7 +9,7 @@
 use super::settings::DropSettings;
 use super::walk::{Walk, WalkStop, turned, walk};
 use crate::organ::sphere::SurfacePoint;
-use crate::reactions::surface::Surface;
+use crate::organ::surface::Surface;
 use bevy::reflect::Reflect;
 use glam::DVec3;
 

@@ -8,7 +8,7 @@
 
 use crate::organ::mesh::NO_FACE;
 use crate::organ::sphere::SurfacePoint;
-use crate::reactions::surface::Surface;
+use crate::organ::surface::Surface;
 use bevy::reflect::Reflect;
 use glam::DVec3;
 

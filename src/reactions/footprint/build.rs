@@ -1,9 +1,9 @@
 //! From a disk to its cells: one where the chart is even enough, otherwise as many as it takes.
 
-use super::super::surface::Surface;
 use super::super::texels::{MapSize, TexelRect};
 use super::cell::{Cell, Patch};
 use super::probe::{Line, Probe};
+use crate::organ::surface::Surface;
 use glam::{DMat2, DVec2, DVec3};
 
 /// How far interpolation may be off, in shares of the radius.

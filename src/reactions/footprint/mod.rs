@@ -11,9 +11,9 @@ mod probe;
 
 pub(crate) use cell::{Cell, Patch, RowQuadratic, Shape};
 
-use super::surface::Surface;
 use super::texels::{MapSize, TexelRect};
 use crate::organ::sphere::SurfacePoint;
+use crate::organ::surface::Surface;
 use bevy::reflect::Reflect;
 use glam::{DVec2, Mat2, Vec2};
 use probe::Probe;

@@ -1,9 +1,9 @@
 //! Exact local coordinates of what a texel shows: where it lies on the plane square to the normal at a disk's middle.
 
-use super::super::surface::Surface;
 use crate::organ::atlas::Atlas;
 use crate::organ::mesh::NO_FACE;
 use crate::organ::sphere::SurfacePoint;
+use crate::organ::surface::Surface;
 use glam::{DMat2, DMat3, DVec2, DVec3};
 use std::f64::consts::PI;
 

@@ -2,7 +2,7 @@
 
 use crate::organ::atlas::Atlas;
 use crate::organ::mesh::NO_FACE;
-use crate::reactions::surface::Surface;
+use crate::organ::surface::Surface;
 use crate::reactions::texels::{MapSize, TILE_PX};
 use glam::{DMat3, DVec2, DVec3};
 use std::f64::consts::{PI, TAU};

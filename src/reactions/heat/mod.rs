@@ -35,8 +35,8 @@ mod tile;
 pub use settings::HeatSettings;
 
 use super::burn::BurnRamp;
-use super::surface::Surface;
 use super::texels::{MapSize, TILE_PX, TexelRect, TileMask};
+use crate::organ::surface::Surface;
 use bevy::reflect::Reflect;
 use conductance::Stage;
 use metrics::SIDE;

@@ -4,7 +4,7 @@ use super::conductance::Neighbourhood;
 use super::metrics::{Metrics, texels_per_cell};
 use super::tile::{HotTile, Mean};
 use super::{HeatMap, MOST_HOT_TILES, NO_SLOT, NO_SURFACE};
-use crate::reactions::surface::Surface;
+use crate::organ::surface::Surface;
 use crate::reactions::texels::{MapSize, TILE_PX};
 use rayon::prelude::*;
 

@@ -18,10 +18,10 @@ use super::paint::{PermanentMap, ReactionMap};
 use super::regions::UploadLog;
 use super::settings::{ReactionFault, Reactions};
 use super::snake::Snake;
-use super::surface::Surface;
 use super::texels::{MapSize, TileMask};
 use crate::organ::OrganModel;
 use crate::organ::sphere::SurfacePoint;
+use crate::organ::surface::Surface;
 use bevy::prelude::*;
 use glam::DVec3;
 use std::collections::BTreeSet;
@@ -186,7 +186,7 @@ impl ReactionModel {
             return;
         }
         self.steps += 1;
-        if context.surface_moved && self.steps % touches::METRICS_EVERY_STEPS == 0 {
+        if context.surface_moved && self.steps.is_multiple_of(touches::METRICS_EVERY_STEPS) {
             self.heat.surface_moved();
         }
         self.take_touches(context, touches);

@@ -2,11 +2,11 @@
 
 use super::{ReactionEvent, ReactionModel, StepContext};
 use crate::organ::sphere::SurfacePoint;
+use crate::organ::surface::Surface;
 use crate::reactions::drops::{DropFate, DropHead};
 use crate::reactions::kind::Motion;
 use crate::reactions::settings::ReactionFault;
 use crate::reactions::snake::{Snake, Sprite};
-use crate::reactions::surface::Surface;
 use crate::reactions::texels::TexelRect;
 use glam::Vec3;
 

@@ -2,13 +2,13 @@
 
 use super::{MAX_RADIUS_M, ReactionModel, StepContext, Touch, wounds::OpenWound};
 use crate::organ::sphere::SurfacePoint;
+use crate::organ::surface::Surface;
 use crate::reactions::action::{ReactionAction, Wound};
 use crate::reactions::burn::Cautery;
 use crate::reactions::drops::walk;
 use crate::reactions::kind::{KindId, ReactionKinds};
 use crate::reactions::settings::ReactionFault;
 use crate::reactions::snake::{Snake, Sprite};
-use crate::reactions::surface::Surface;
 use std::collections::{BTreeMap, VecDeque};
 
 /// While an organ moves, the heat map learns its new measures so often: a texel's size hardly changes in half a second.
@@ -30,8 +30,9 @@ pub(super) type Strokes = BTreeMap<u32, Stroke>;
 pub(super) struct Stroke {
     point: SurfacePoint,
     step: u64,
-    /// The snake that it keeps up.
+    /// The snake that it keeps up, if it is no electrode.
     snake: u64,
+    is_electrode: bool,
 }
 
 impl ReactionModel {
@@ -84,8 +85,7 @@ impl ReactionModel {
     /// A snake of a kind that is not liquid; its id.
     fn start_spot(&mut self, kinds: &ReactionKinds, kind: KindId, point: SurfacePoint, radius_m: f32) -> Option<u64> {
         let known = kinds.get(kind)?;
-        let Some(radius_m) = self.sound_size(radius_m.into(), MAX_RADIUS_M) else { return None };
-        let radius_m = radius_m as f32;
+        let radius_m = self.sound_size(radius_m.into(), MAX_RADIUS_M)? as f32;
         let mut head = Sprite { point, radius_m, full_radius_m: radius_m, opacity: 1.0, ..Sprite::default() };
         known.begin(&mut head);
         Some(self.add_snake(kind, head))
@@ -141,7 +141,7 @@ impl ReactionModel {
         let Some(radius_m) = self.sound_size(radius_m.into(), MAX_RADIUS_M) else { return };
         let Some(pressure) = self.sound_size(pressure.into(), 1.0) else { return };
         let (radius_m, cause) = (radius_m as f32, pressure as f32);
-        let kept = self.strokes.get(&instrument).map(|stroke| stroke.snake);
+        let kept = self.strokes.get(&instrument).filter(|stroke| !stroke.is_electrode).map(|stroke| stroke.snake);
         let kept = kept.and_then(|id| self.snakes.binary_search_by_key(&id, |snake| snake.id).ok());
         let kept = kept.filter(|&place| self.snakes[place].kind == KindId::WHITENING);
         let snake = match kept {
@@ -176,7 +176,7 @@ impl ReactionModel {
                 id
             }
         };
-        self.strokes.insert(instrument, Stroke { point, step: self.steps, snake });
+        self.strokes.insert(instrument, Stroke { point, step: self.steps, snake, is_electrode: false });
     }
 
     /// Lays the heat of a step, or of a share of it, from where the electrode was in the last step to where it is.
@@ -193,7 +193,8 @@ impl ReactionModel {
         }
         let heat_j = cautery.heat_j(context.dt_s) * share;
         let radius_m = cautery.heat_radius_m().min(MAX_RADIUS_M);
-        let before = self.strokes.get(&instrument).filter(|stroke| stroke.step + 1 >= self.steps);
+        let before =
+            self.strokes.get(&instrument).filter(|stroke| stroke.is_electrode && stroke.step + 1 >= self.steps);
         let mut spots = vec![point];
         if let Some(before) = before {
             let way = context.surface.position_m(point) - context.surface.position_m(before.point);
@@ -214,7 +215,7 @@ impl ReactionModel {
                 head.heat_j = heat_j;
             }
         }
-        self.strokes.insert(instrument, Stroke { point, step: self.steps, snake: u64::MAX });
+        self.strokes.insert(instrument, Stroke { point, step: self.steps, snake: 0, is_electrode: true });
     }
 }
 

@@ -1,8 +1,8 @@
-//! The organ's surface as reactions see it: chart, faces, and vertices where they are now.
+//! The organ's surface at one moment: chart, faces, and vertices where they are now.
 
-use crate::organ::atlas::{Atlas, FaceTable, SurfaceFrame};
-use crate::organ::sphere::SurfacePoint;
-use crate::organ::{OrganModel, OrganShape};
+use super::atlas::{Atlas, FaceTable, SurfaceFrame};
+use super::sphere::SurfacePoint;
+use super::{OrganModel, OrganShape};
 use glam::{DVec3, Vec3};
 
 /// A surface at one moment. All positions are in the organ's space, metres.
