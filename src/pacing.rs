@@ -54,7 +54,9 @@ fn bound_steps(
     let bevys_own = *bevys_own.get_or_insert_with(|| Time::<Virtual>::default().max_delta());
     let is_chosen = time.max_delta() != bevys_own && Some(time.max_delta()) != own.0;
     // A little more than that many steps, so that rounding does not cost one.
-    let bound = fixed.timestep().mul_f64(f64::from(pacing.max_steps_per_frame.max(1)) + 0.01);
+    let steps = f64::from(pacing.max_steps_per_frame.max(1)) + 0.01;
+    // Bevy bounds measured time, before it is sped up.
+    let bound = fixed.timestep().mul_f64(steps / time.relative_speed_f64().clamp(1e-3, 1e6));
     if !is_chosen && time.max_delta() != bound {
         time.set_max_delta(bound);
         own.0 = Some(bound);

@@ -46,6 +46,19 @@ fn too_slow_a_machine_is_bounded_and_told() {
 }
 
 #[test]
+fn scaled_time_has_the_same_bound() {
+    for (speed, wanted) in [(4.0_f32, 10), (0.1, 6)] {
+        let mut app = TestApp::cpu();
+        app.idle();
+        app.world_mut().resource_mut::<Time<Virtual>>().set_relative_speed(speed);
+        // A tenth of the speed asks for six steps a second.
+        let (steps, lost_s) = run(&mut app, Duration::from_secs(1), 3);
+        assert!((3 * wanted - 2..=3 * wanted + 1).contains(&steps), "{steps} steps in three frames at speed {speed}");
+        assert_eq!(lost_s > 0.1, speed > 1.0, "{lost_s} s given up at speed {speed}");
+    }
+}
+
+#[test]
 fn a_bound_of_the_app_is_kept() {
     let mut app = TestApp::cpu();
     app.idle();

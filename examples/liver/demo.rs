@@ -32,7 +32,16 @@ pub fn build(app: &mut App) {
     app.add_systems(FixedUpdate, perform.in_set(SurgerySystems::Sense));
 }
 
-fn perform(mut held: ResMut<Held>, mut step: Local<u32>, scopes: Query<(&GlobalTransform, &Endoscope)>) {
+fn perform(
+    mut held: ResMut<Held>,
+    mut step: Local<u32>,
+    scopes: Query<(&GlobalTransform, &Endoscope)>,
+    organs: Query<(), With<ReactionModel>>,
+) {
+    // The clock starts when the organ is there.
+    if organs.is_empty() {
+        return;
+    }
     let now = *step;
     *step += 1;
     held.is_on = false;

@@ -25,7 +25,8 @@ pub enum ReactionAction {
     /// An electrode is switched on; send it in every step while it is. Between the places of two successive steps the heat
     /// is laid along the way.
     Cauterize(Cautery),
-    /// A snake of any kind begins: yours, for instance.
+    /// A snake of any kind begins: yours, for instance. Whitening lives by what presses and cauterization by its heat: for
+    /// those there are the actions above.
     Start {
         /// Its kind.
         kind: KindId,
@@ -56,6 +57,8 @@ impl Default for Wound {
 
 /// Something done to an organ in this step. Write it in [`SurgerySystems::Touch`](crate::schedule::SurgerySystems::Touch)
 /// or earlier.
+///
+/// Lengths and volumes are the organ's own: where its transform scales, they are scaled with it.
 ///
 /// Each organ takes a bounded number in a step ([`Reactions::max_touches_per_step`](super::Reactions)): beyond, the
 /// oldest are dropped and counted, and the newest kept (paper of 2002, section 5.4).

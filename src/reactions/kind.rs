@@ -113,7 +113,8 @@ pub trait ReactionKind: Send + Sync + 'static {
         })
     }
 
-    /// The sprite that a head leaves behind as it moves on.
+    /// The sprite that a head leaves behind as it moves on: take [`Sprite::left_behind`] and change its fields. Its radius
+    /// should not be larger than the head's.
     fn trail(&self, head: &Sprite) -> Sprite {
         head.left_behind()
     }
@@ -129,12 +130,14 @@ pub trait ReactionKind: Send + Sync + 'static {
 pub(crate) struct RegisteredKind {
     pub kind: Arc<dyn ReactionKind>,
     pub profile: Arc<Profile>,
+    /// How often the kind of this id was replaced.
+    pub version: u32,
 }
 
 impl RegisteredKind {
     fn new(kind: impl ReactionKind) -> Self {
         let profile = Arc::new(Profile::new(|r| kind.profile(r)));
-        Self { kind: Arc::new(kind), profile }
+        Self { kind: Arc::new(kind), profile, version: 0 }
     }
 }
 
@@ -164,7 +167,7 @@ impl ReactionKinds {
     /// an id that is not registered.
     pub fn replace(&mut self, id: KindId, kind: impl ReactionKind) {
         if let Some(place) = self.0.get_mut(id.0 as usize) {
-            *place = RegisteredKind::new(kind);
+            *place = RegisteredKind { version: place.version + 1, ..RegisteredKind::new(kind) };
         }
     }
 

@@ -26,7 +26,7 @@ fn noise(bits: u64) -> f32 {
     (hash >> 40) as f32 / (1 << 23) as f32 - 1.0
 }
 
-/// Drops of blood that roll, merge and leave a wet trail.
+/// Drops of blood that roll, merge and leave a wet trail. A drop that sticks stays as it is; its trail fades.
 #[derive(Clone, Debug, PartialEq, Reflect, Serialize, Deserialize)]
 pub struct Blood {
     /// How drops move.

@@ -36,7 +36,7 @@ impl Default for Reactions {
     }
 }
 
-/// What went wrong on an organ; each is told once.
+/// What went wrong on an organ. Each is told once; an exchanged model at each exchange.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, Reflect)]
 pub enum ReactionFault {
     /// A touch at a face that the organ does not have, or at no numbers.

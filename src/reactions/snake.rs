@@ -40,6 +40,8 @@ pub struct Sprite {
 pub(crate) struct Painted {
     pub look: SpriteLook,
     pub radius_m: f32,
+    /// Which of the kinds that had its id.
+    pub version: u32,
 }
 
 impl Sprite {

@@ -8,8 +8,11 @@ use crate::gravity::SurgeryGravity;
 use crate::organ::{Hollow, Organ, OrganModel, OrganShape, ShapeOrgans};
 use crate::schedule::SurgerySystems;
 use bevy::prelude::*;
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use tracing::warn;
+
+/// Most entities that are no reacting organs and whose touches are told of.
+const MOST_UNKNOWN: usize = 64;
 
 /// Something that happened on an organ in this step; written in [`SurgerySystems::React`].
 #[derive(Message, Clone, Copy, Debug, PartialEq, Reflect)]
@@ -89,14 +92,14 @@ fn react(
     kinds: Res<ReactionKinds>,
     gravity: Res<SurgeryGravity>,
     time: Res<Time>,
-    mut told_of_unknown: Local<bool>,
+    mut told_of: Local<BTreeSet<Entity>>,
 ) {
     let mut by_organ: BTreeMap<Entity, Vec<Touch>> = BTreeMap::new();
     for touch in touches.read() {
         let OrganTouch { organ, point, instrument, action } = touch.clone();
         if organs.contains(organ) {
             by_organ.entry(organ).or_default().push(Touch { point, instrument, action });
-        } else if !std::mem::replace(&mut *told_of_unknown, true) {
+        } else if told_of.len() < MOST_UNKNOWN && told_of.insert(organ) {
             warn!(
                 "a touch names {organ}, which is no organ with `Reactions` that is loaded (despawned?); it is left out"
             );

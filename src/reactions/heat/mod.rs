@@ -250,13 +250,13 @@ impl HeatMap {
     pub fn forget_looks(&mut self) {
         for tile in &mut self.hot {
             if let Some(burn) = &mut tile.burn {
-                burn.looks = [[0; SIDE]; SIDE];
+                burn.is_forgotten = true;
                 burn.is_changed = true;
             }
         }
         for (tile, burn) in self.burns.iter_mut().enumerate() {
             if let Some(burn) = burn {
-                burn.looks = [[0; SIDE]; SIDE];
+                burn.is_forgotten = true;
                 if !burn.is_changed {
                     burn.is_changed = true;
                     self.changed.push(tile as u32);

@@ -20,26 +20,32 @@ pub(super) struct Burn {
     pub dose_j_per_mm2: [[f32; SIDE]; SIDE],
     /// Look of each texel when it was last asked for.
     pub looks: [[u8; SIDE]; SIDE],
+    /// Whether all that is or was burnt is to be told again.
+    pub is_forgotten: bool,
     /// Whether doses were written since then.
     pub is_changed: bool,
 }
 
 impl Burn {
     fn none() -> Box<Self> {
-        Box::new(Self { dose_j_per_mm2: [[0.0; SIDE]; SIDE], looks: [[0; SIDE]; SIDE], is_changed: false })
+        Box::new(Self {
+            dose_j_per_mm2: [[0.0; SIDE]; SIDE],
+            looks: [[0; SIDE]; SIDE],
+            is_forgotten: false,
+            is_changed: false,
+        })
     }
 
     /// Takes the present looks; the texels of the tile that look otherwise than before.
     pub fn update_looks(&mut self, ramp: &BurnRamp) -> TexelRect {
         self.is_changed = false;
+        let is_forgotten = std::mem::take(&mut self.is_forgotten);
         let mut changed = TexelRect::default();
         for (y, (doses, looks)) in self.dose_j_per_mm2.iter().zip(&mut self.looks).enumerate() {
             let new: [u8; SIDE] = std::array::from_fn(|x| ramp.index(doses[x]));
-            if new == *looks {
-                continue;
-            }
-            let differs = |&x: &usize| new[x] != looks[x];
-            let first = (0..SIDE).find(differs).unwrap_or(0) as u32;
+            let differs = |&x: &usize| new[x] != looks[x] || is_forgotten && looks[x] > 0;
+            let Some(first) = (0..SIDE).find(differs) else { continue };
+            let first = first as u32;
             let last = (0..SIDE).rfind(differs).unwrap_or(0) as u32;
             changed = changed.union(TexelRect { x: first, y: y as u32, width: last + 1 - first, height: 1 });
             *looks = new;

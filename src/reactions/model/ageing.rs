@@ -1,11 +1,11 @@
 //! Sprites give their heat, age and end.
 
-use super::{ReactionModel, StepContext};
+use super::{MAX_RADIUS_M, ReactionModel, StepContext};
 use crate::reactions::burn::Cautery;
 use crate::reactions::footprint::Footprint;
 use crate::reactions::kind::KindId;
 use crate::reactions::kind::{Ageing, ReactionKind, SpriteFate};
-use crate::reactions::paint::Stroke;
+use crate::reactions::paint::{DRY_GLOSS, Stroke};
 use crate::reactions::settings::ReactionFault;
 use crate::reactions::snake::{Snake, Sprite};
 
@@ -13,13 +13,21 @@ impl ReactionModel {
     /// Lays the heat of this step's sprites into the heat map, and lets it spread.
     pub(super) fn heat_up(&mut self, context: &StepContext) {
         let mut texels = std::mem::take(&mut self.scratch.texels);
-        for sprite in self.snakes.iter().flat_map(|snake| &snake.sprites).filter(|sprite| sprite.heat_j > 0.0) {
+        let mut snakes = std::mem::take(&mut self.snakes);
+        for sprite in snakes.iter_mut().flat_map(|snake| &mut snake.sprites).filter(|sprite| sprite.heat_j > 0.0) {
+            let heat_j = std::mem::take(&mut sprite.heat_j);
             if let Some(footprint) = Footprint::new(context.surface, self.size, sprite.point, sprite.radius_m) {
                 texels.clear();
                 footprint.for_each_texel(|x, y, square| texels.push((x, y, Cautery::weight(square.sqrt()))));
-                self.heat.deposit(context.surface, &texels, sprite.heat_j);
+                if texels.is_empty() {
+                    // Narrower than a texel: the one in the middle takes all.
+                    let (x, y) = self.texel(context.surface.atlas.uv(sprite.point));
+                    texels.push((x, y, 1.0));
+                }
+                self.heat.deposit(context.surface, &texels, heat_j);
             }
         }
+        self.snakes = snakes;
         self.scratch.texels = texels;
         self.heat.step(context.surface, context.dt_s);
     }
@@ -27,11 +35,23 @@ impl ReactionModel {
     pub(super) fn age(&mut self, context: &StepContext) {
         let mut snakes = std::mem::take(&mut self.snakes);
         for snake in &mut snakes {
-            let Some(kind) = context.kinds.get(snake.kind) else { continue };
-            self.age_snake(context, kind, snake);
+            match context.kinds.get(snake.kind) {
+                Some(kind) => self.age_snake(context, kind, snake),
+                // The list of kinds was exchanged for one without it.
+                None => self.drop_snake(snake),
+            }
         }
         snakes.retain(|snake| !snake.sprites.is_empty() || !snake.erased.is_empty());
         self.snakes = snakes;
+    }
+
+    fn drop_snake(&mut self, snake: &mut Snake) {
+        self.blame(ReactionFault::UnknownKind);
+        self.tally.dried_m3 += snake.volume_m3();
+        (snake.is_active, snake.shed_m3) = (false, 0.0);
+        for mut sprite in snake.sprites.drain(..) {
+            sprite.erase(&mut snake.erased);
+        }
     }
 
     fn age_snake(&mut self, context: &StepContext, kind: &dyn ReactionKind, snake: &mut Snake) {
@@ -43,6 +63,10 @@ impl ReactionModel {
             let sprite = &mut snake.sprites[place];
             sprite.age_s += dt_s;
             let fate = kind.age(sprite, &Ageing { dt_s, is_head, cause: snake.cause });
+            // A user's kind may compute anything.
+            let bounded = |value: f32, most: f32| if value.is_nan() { 0.0 } else { value.clamp(0.0, most) };
+            sprite.radius_m = bounded(sprite.radius_m, MAX_RADIUS_M as f32);
+            sprite.opacity = bounded(sprite.opacity, 1.0);
             if fate == SpriteFate::Stays {
                 place += 1;
                 continue;
@@ -96,7 +120,9 @@ impl ReactionModel {
                 None => return,
             },
         };
-        let look = kind.look(sprite);
+        let mut look = kind.look(sprite);
+        // What stays has dried.
+        look.gloss = look.gloss.min(DRY_GLOSS);
         let stroke = Stroke {
             footprint,
             radius_m: sprite.radius_m,
@@ -112,19 +138,24 @@ impl ReactionModel {
     }
 
     /// The oldest sprites go where there are too many.
-    pub(super) fn keep_within_budget(&mut self) {
+    pub(super) fn keep_within_budget(&mut self, context: &StepContext) {
         let most = self.settings.max_sprites.clamp(1, 100_000) as usize;
         let mut surplus = self.sprite_count().saturating_sub(most);
         if surplus == 0 {
             return;
         }
         self.blame(ReactionFault::TooMany);
-        for snake in &mut self.snakes {
+        let mut snakes = std::mem::take(&mut self.snakes);
+        for snake in &mut snakes {
+            if surplus == 0 {
+                break;
+            }
+            let Some(kind) = context.kinds.get(snake.kind) else { continue };
             while surplus > 0
-                && let Some(mut sprite) = snake.sprites.pop_back()
+                && let Some(sprite) = snake.sprites.pop_back()
             {
-                self.tally.dried_m3 += sprite.volume_m3;
-                sprite.erase(&mut snake.erased);
+                let fate = kind.oldest_ends(&sprite);
+                self.end_sprite(context, kind, snake, sprite, fate);
                 surplus -= 1;
             }
             if snake.sprites.is_empty() {
@@ -132,6 +163,7 @@ impl ReactionModel {
                 self.tally.dried_m3 += std::mem::take(&mut snake.shed_m3);
             }
         }
-        self.snakes.retain(|snake| !snake.sprites.is_empty() || !snake.erased.is_empty());
+        snakes.retain(|snake| !snake.sprites.is_empty() || !snake.erased.is_empty());
+        self.snakes = snakes;
     }
 }

@@ -24,12 +24,31 @@ use crate::organ::sphere::SurfacePoint;
 use crate::organ::surface::Surface;
 use bevy::prelude::*;
 use glam::DVec3;
-use std::collections::BTreeSet;
+use std::collections::{BTreeMap, BTreeSet};
 use std::sync::atomic::{AtomicU64, Ordering};
 
 pub use wounds::OpenWound;
 
 static MODELS: AtomicU64 = AtomicU64::new(1);
+
+/// Tells models apart. A copy goes its own way, so it gets a number of its own.
+#[derive(Debug)]
+struct ModelNumber(u64);
+
+impl ModelNumber {
+    fn next() -> Self {
+        Self(MODELS.fetch_add(1, Ordering::Relaxed))
+    }
+}
+
+impl Clone for ModelNumber {
+    fn clone(&self) -> Self {
+        Self::next()
+    }
+}
+
+/// Most events that wait to be taken; of more, the newest.
+const MOST_EVENTS: usize = 1024;
 
 /// Largest radius of a sprite, metres; more is a mistake of units.
 pub(crate) const MAX_RADIUS_M: f64 = 0.05;
@@ -123,14 +142,19 @@ pub struct Touch {
 #[reflect(Component, Clone)]
 pub struct ReactionModel {
     organ: OrganModel,
-    number: u64,
+    number: ModelNumber,
     settings: Reactions,
     size: MapSize,
     snakes: Vec<Snake>,
     next_id: u64,
     steps: u64,
+    /// Whether vertices moved since the heat map was told.
+    has_moved: bool,
     wounds: Vec<OpenWound>,
+    /// The last touch of each electrode.
     strokes: touches::Strokes,
+    /// The snake that each probe keeps up.
+    presses: BTreeMap<u32, u64>,
     heat: HeatMap,
     /// Stains without burns: a burn lies over what was there before it.
     stains: PermanentMap,
@@ -155,14 +179,16 @@ impl ReactionModel {
         let size = MapSize::from_width(settings.map_width_px);
         Self {
             organ: organ.clone(),
-            number: MODELS.fetch_add(1, Ordering::Relaxed),
+            number: ModelNumber::next(),
             settings: settings.clone(),
             size,
             snakes: Vec::new(),
             next_id: 0,
             steps: 0,
+            has_moved: false,
             wounds: Vec::new(),
             strokes: default(),
+            presses: default(),
             heat: HeatMap::new(size, settings.heat),
             stains: PermanentMap::new(size),
             permanent: PermanentMap::new(size),
@@ -186,15 +212,17 @@ impl ReactionModel {
             return;
         }
         self.steps += 1;
-        if context.surface_moved && self.steps.is_multiple_of(touches::METRICS_EVERY_STEPS) {
+        self.has_moved |= context.surface_moved;
+        if self.has_moved && self.steps.is_multiple_of(touches::METRICS_EVERY_STEPS) {
             self.heat.surface_moved();
+            self.has_moved = false;
         }
         self.take_touches(context, touches);
         self.bleed(context);
         self.move_heads(context);
         self.heat_up(context);
         self.age(context);
-        self.keep_within_budget();
+        self.keep_within_budget(context);
         self.show(context);
     }
 
@@ -226,7 +254,7 @@ impl ReactionModel {
 
     /// Tells this model from others, for who keeps copies of its map. It is no part of what is simulated.
     pub fn number(&self) -> u64 {
-        self.number
+        self.number.0
     }
 
     /// The snakes, old ones first.
@@ -296,9 +324,17 @@ impl ReactionModel {
         self.faults.iter().copied()
     }
 
-    /// What has happened since this was last asked.
+    /// What has happened since this was last asked: the latest thousand events or so. In an app the plugin asks in every
+    /// step and writes [`OrganReacted`](super::OrganReacted).
     pub fn take_events(&mut self) -> Vec<ReactionEvent> {
         std::mem::take(&mut self.events)
+    }
+
+    pub(crate) fn note(&mut self, event: ReactionEvent) {
+        if self.events.len() == MOST_EVENTS {
+            self.events.remove(0);
+        }
+        self.events.push(event);
     }
 
     /// Faults that nobody was told yet.

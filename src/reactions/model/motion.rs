@@ -1,6 +1,7 @@
 //! Heads move, leave trails and meet.
 
-use super::{ReactionEvent, ReactionModel, StepContext};
+use super::touches::sound;
+use super::{MAX_RADIUS_M, ReactionEvent, ReactionModel, StepContext};
 use crate::organ::sphere::SurfacePoint;
 use crate::organ::surface::Surface;
 use crate::reactions::drops::{DropFate, DropHead};
@@ -11,7 +12,7 @@ use crate::reactions::texels::TexelRect;
 use glam::Vec3;
 
 /// A drop of a smaller radius is only film, metres.
-const SMALLEST_DROP_M: f64 = 0.2e-3;
+pub(super) const SMALLEST_DROP_M: f64 = 0.2e-3;
 
 impl Sprite {
     /// Goes to another place: what was painted must be erased.
@@ -52,6 +53,9 @@ impl ReactionModel {
             let places = self.collisions.is_wet.iter().zip(were_active);
             for (snake, (&is_wet, was_active)) in snakes.iter_mut().zip(places).filter(|(snake, _)| snake.kind == id) {
                 snake.is_wet = is_wet;
+                if let Some(head) = snake.sprites.front_mut() {
+                    head.radius_m = head.radius_m.min(MAX_RADIUS_M as f32);
+                }
                 if was_active && !snake.is_active {
                     become_film(context, snake);
                 }
@@ -73,7 +77,11 @@ impl ReactionModel {
             is_wet: snake.is_wet,
             dt_s: context.dt_s,
         };
-        let fate = kind.move_head(&mut head, &motion);
+        let mut fate = kind.move_head(&mut head, &motion);
+        // A user's kind may say anything.
+        if sound(ground, head.point).is_none() {
+            fate = DropFate::Lost;
+        }
         snake.velocity_m_per_s = head.velocity_m_per_s;
         match fate {
             DropFate::Sticks => snake.velocity_m_per_s = glam::DVec3::ZERO,
@@ -81,7 +89,7 @@ impl ReactionModel {
             DropFate::Falls | DropFate::Leaves => {
                 self.tally.fallen_drops += 1;
                 self.tally.fallen_m3 += head.volume_m3;
-                self.events.push(ReactionEvent::DropFell {
+                self.note(ReactionEvent::DropFell {
                     position_m: ground.position_m(head.point),
                     velocity_m_per_s: head.velocity_m_per_s,
                     volume_m3: head.volume_m3,
@@ -118,7 +126,7 @@ impl ReactionModel {
         sprite.move_to(head.point, erased);
         sprite.volume_m3 = head.volume_m3;
         if let Some(drops) = &drops {
-            sprite.radius_m = drops.radius_m(head.volume_m3) as f32;
+            sprite.radius_m = drops.radius_m(head.volume_m3).min(MAX_RADIUS_M) as f32;
             if f64::from(sprite.radius_m) < SMALLEST_DROP_M {
                 become_film(context, snake);
             }
@@ -139,7 +147,7 @@ impl ReactionModel {
 }
 
 /// The head ends and leaves a film where it was, with the liquid that it still has.
-fn become_film(context: &StepContext, snake: &mut Snake) {
+pub(super) fn become_film(context: &StepContext, snake: &mut Snake) {
     snake.is_active = false;
     let Some(kind) = context.kinds.get(snake.kind) else { return };
     if let Some(sprite) = snake.sprites.front_mut() {

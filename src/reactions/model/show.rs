@@ -4,7 +4,7 @@
 use super::{ReactionModel, StepContext};
 use crate::reactions::burn::BurnLook;
 use crate::reactions::footprint::Footprint;
-use crate::reactions::kind::ReactionKinds;
+use crate::reactions::kind::{ReactionKinds, RegisteredKind};
 use crate::reactions::paint::{Stroke, paint, restore};
 use crate::reactions::regions::group_snake;
 use crate::reactions::snake::{Painted, Snake};
@@ -89,7 +89,7 @@ impl ReactionModel {
 
     /// Finds the sprites of a snake that look different now, and the rectangles that hold them and what has gone.
     fn find_changes(&mut self, context: &StepContext, snake: &mut Snake, scratch: &mut Scratch) {
-        let Some(kind) = context.kinds.get(snake.kind) else { return };
+        let registered = context.kinds.registered(snake.kind);
         scratch.rects.clear();
         scratch.items.clear();
         let Snake { sprites, erased, .. } = snake;
@@ -103,7 +103,8 @@ impl ReactionModel {
             add(&[rect]);
         }
         for sprite in sprites.iter_mut() {
-            let now = Painted { look: kind.look(sprite), radius_m: sprite.radius_m };
+            let Some(RegisteredKind { kind, version, .. }) = registered else { break };
+            let now = Painted { look: kind.look(sprite), radius_m: sprite.radius_m, version: *version };
             let is_seen = now.look.opacity > 0;
             if sprite.painted == Some(now) || (sprite.painted.is_none() && !is_seen) {
                 continue;
@@ -142,7 +143,7 @@ fn strokes<'a>(snakes: &'a [Snake], kinds: &'a ReactionKinds) -> Vec<Stroke<'a>>
         let snake = &snakes[place];
         let Some(registered) = kinds.registered(snake.kind) else { continue };
         for sprite in snake.sprites.iter().rev() {
-            if let (Some(footprint), Some(Painted { look, radius_m })) = (&sprite.footprint, sprite.painted)
+            if let (Some(footprint), Some(Painted { look, radius_m, .. })) = (&sprite.footprint, sprite.painted)
                 && look.opacity > 0
             {
                 strokes.push(Stroke {

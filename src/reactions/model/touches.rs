@@ -1,5 +1,6 @@
 //! What instruments do becomes snakes.
 
+use super::motion::{SMALLEST_DROP_M, become_film};
 use super::{MAX_RADIUS_M, ReactionModel, StepContext, Touch, wounds::OpenWound};
 use crate::organ::sphere::SurfacePoint;
 use crate::organ::surface::Surface;
@@ -23,16 +24,13 @@ const MOST_SPOTS: usize = 32;
 /// Most wounds that bleed at a time.
 const MOST_WOUNDS: usize = 256;
 
-/// The last touch of each instrument.
+/// The last touch of each electrode.
 pub(super) type Strokes = BTreeMap<u32, Stroke>;
 
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Stroke {
     point: SurfacePoint,
     step: u64,
-    /// The snake that it keeps up, if it is no electrode.
-    snake: u64,
-    is_electrode: bool,
 }
 
 impl ReactionModel {
@@ -61,9 +59,11 @@ impl ReactionModel {
                     self.press(context, touch.instrument, point, *pressure, *radius_m);
                 }
                 ReactionAction::Cauterize(cautery) => {
-                    // Several touches of one electrode in a step share the step's time.
+                    // Several touches of one electrode in a step share the step's time; bad ones have no part in it.
                     let is_same = |other: &&Touch| {
-                        other.instrument == touch.instrument && matches!(other.action, ReactionAction::Cauterize(_))
+                        other.instrument == touch.instrument
+                            && matches!(other.action, ReactionAction::Cauterize(_))
+                            && sound(context.surface, other.point).is_some()
                     };
                     let share = 1.0 / touches.iter().filter(is_same).count() as f64;
                     self.cauterize(context, touch.instrument, point, cautery, share);
@@ -77,9 +77,10 @@ impl ReactionModel {
                 },
             }
         }
-        // Instruments that have not touched for a while have ended their stroke.
         let now = self.steps;
-        self.strokes.retain(|_, stroke| stroke.step + 600 > now);
+        self.strokes.retain(|_, stroke| stroke.step == now);
+        let snakes = &self.snakes;
+        self.presses.retain(|_, id| snakes.binary_search_by_key(id, |snake| snake.id).is_ok());
     }
 
     /// A snake of a kind that is not liquid; its id.
@@ -102,6 +103,11 @@ impl ReactionModel {
         known.begin(&mut head);
         self.tally.bled_m3 += volume_m3;
         self.add_snake(kind, head);
+        if f64::from(radius_m) < SMALLEST_DROP_M
+            && let Some(snake) = self.snakes.last_mut()
+        {
+            become_film(context, snake);
+        }
     }
 
     fn add_snake(&mut self, kind: KindId, head: Sprite) -> u64 {
@@ -138,11 +144,15 @@ impl ReactionModel {
     }
 
     fn press(&mut self, context: &StepContext, instrument: u32, point: SurfacePoint, pressure: f32, radius_m: f32) {
+        // A probe that only just touches.
+        if pressure == 0.0 {
+            return;
+        }
         let Some(radius_m) = self.sound_size(radius_m.into(), MAX_RADIUS_M) else { return };
         let Some(pressure) = self.sound_size(pressure.into(), 1.0) else { return };
         let (radius_m, cause) = (radius_m as f32, pressure as f32);
-        let kept = self.strokes.get(&instrument).filter(|stroke| !stroke.is_electrode).map(|stroke| stroke.snake);
-        let kept = kept.and_then(|id| self.snakes.binary_search_by_key(&id, |snake| snake.id).ok());
+        let kept = self.presses.get(&instrument);
+        let kept = kept.and_then(|id| self.snakes.binary_search_by_key(id, |snake| snake.id).ok());
         let kept = kept.filter(|&place| self.snakes[place].kind == KindId::WHITENING);
         let snake = match kept {
             Some(place) => {
@@ -161,9 +171,6 @@ impl ReactionModel {
                     snake.is_active = true;
                 } else {
                     head.full_radius_m = radius_m;
-                    if way_m > 0.1 * f64::from(radius_m) {
-                        head.move_to(point, &mut snake.erased);
-                    }
                 }
                 snake.cause = cause;
                 snake.id
@@ -176,7 +183,7 @@ impl ReactionModel {
                 id
             }
         };
-        self.strokes.insert(instrument, Stroke { point, step: self.steps, snake, is_electrode: false });
+        self.presses.insert(instrument, snake);
     }
 
     /// Lays the heat of a step, or of a share of it, from where the electrode was in the last step to where it is.
@@ -188,13 +195,16 @@ impl ReactionModel {
         cautery: &Cautery,
         share: f64,
     ) {
+        // Switched on, and turned down.
+        if cautery.power_w == 0.0 {
+            return;
+        }
         if self.sound_size(cautery.power_w, f64::MAX).is_none() {
             return;
         }
         let heat_j = cautery.heat_j(context.dt_s) * share;
         let radius_m = cautery.heat_radius_m().min(MAX_RADIUS_M);
-        let before =
-            self.strokes.get(&instrument).filter(|stroke| stroke.is_electrode && stroke.step + 1 >= self.steps);
+        let before = self.strokes.get(&instrument).filter(|stroke| stroke.step + 1 >= self.steps);
         let mut spots = vec![point];
         if let Some(before) = before {
             let way = context.surface.position_m(point) - context.surface.position_m(before.point);
@@ -215,12 +225,12 @@ impl ReactionModel {
                 head.heat_j = heat_j;
             }
         }
-        self.strokes.insert(instrument, Stroke { point, step: self.steps, snake: 0, is_electrode: true });
+        self.strokes.insert(instrument, Stroke { point, step: self.steps });
     }
 }
 
 /// A place with weights that sum to one, if it is one of the surface.
-fn sound(surface: &Surface, point: SurfacePoint) -> Option<SurfacePoint> {
+pub(super) fn sound(surface: &Surface, point: SurfacePoint) -> Option<SurfacePoint> {
     let has_face = (point.face as usize) < surface.atlas.chart().triangles.len();
     if !has_face || !point.barycentric.is_finite() {
         return None;

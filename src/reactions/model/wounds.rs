@@ -1,6 +1,6 @@
 //! Opened vessels: they bleed drop by drop until they clot or are burnt shut.
 
-use super::{ReactionEvent, ReactionModel, StepContext};
+use super::{MAX_RADIUS_M, ReactionEvent, ReactionModel, StepContext};
 use crate::organ::sphere::SurfacePoint;
 use crate::reactions::action::Wound;
 use crate::reactions::kind::KindId;
@@ -43,7 +43,7 @@ impl ReactionModel {
             let (x, y) = self.texel(uv);
             if self.settings.burns.index(self.heat.dose(x, y)) >= SEALING_INDEX {
                 self.tally.sealed_wounds += 1;
-                self.events.push(ReactionEvent::WoundSealed { point: wound.point });
+                self.note(ReactionEvent::WoundSealed { point: wound.point });
                 return false;
             }
             wound.waiting_m3 += wound.rate_m3_per_s() * context.dt_s;
@@ -68,7 +68,7 @@ impl ReactionModel {
             let Some(head) = snake.sprites.front_mut() else { continue };
             if context.surface.position_m(head.point).distance(at) < f64::from(head.radius_m) {
                 head.volume_m3 += wound.waiting_m3;
-                head.radius_m = drops.radius_m(head.volume_m3) as f32;
+                head.radius_m = drops.radius_m(head.volume_m3).min(MAX_RADIUS_M) as f32;
                 self.tally.bled_m3 += wound.waiting_m3;
                 return true;
             }
