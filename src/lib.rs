@@ -1,5 +1,5 @@
-//! Bevy plugins for surgical training: organs with living skin, and the house that drilling, fluids, deformation,
-//! instruments and scored scenarios are built into.
+//! Bevy plugins for surgical training: organs with living skin that bleeds and burns under an endoscope, and the house that
+//! drilling, fluids, deformation, instruments and scored scenarios are built into.
 //!
 //! ```no_run
 //! use bevy::prelude::*;
@@ -12,7 +12,7 @@
 //! fn setup(mut commands: Commands, mut models: ResMut<Assets<OrganModel>>) -> Result {
 //!     // The liver that ships with the crate; `AssetServer::load` takes OBJ, STL, PLY and glTF files of your own.
 //!     let liver = OrganModel::procedural_liver(&OrganOptions::default())?;
-//!     commands.spawn((Organ(models.add(liver)), Skin::liver()));
+//!     commands.spawn((Organ(models.add(liver)), Skin::liver(), Reactions::default(), Highlights::default()));
 //!     commands.spawn((Endoscope::default(), Transform::from_xyz(0.0, 0.12, 0.22).looking_at(Vec3::ZERO, Vec3::Y)));
 //!     Ok(())
 //! }

@@ -55,3 +55,28 @@ fn exchanging_a_model_exchanges_the_shape() {
     app.step(1);
     assert!((width(&app) - 0.3).abs() < 1e-4, "another model, another shape: {}", width(&app));
 }
+
+#[test]
+fn organs_bleed_and_burn_without_a_renderer() {
+    let mut app = TestApp::cpu();
+    let liver = OrganModel::procedural_liver(&OrganOptions::default()).expect("a liver");
+    let organ = app.world_mut().resource_mut::<Assets<OrganModel>>().add(liver);
+    let organ = app.world_mut().spawn((Organ(organ), Reactions::default())).id();
+    app.step(2);
+    let above = Ray3d::new(Vec3::new(0.02, 0.3, 0.0), Dir3::NEG_Y);
+    app.add_systems(
+        FixedUpdate,
+        (move |picking: OrganPicking, mut touches: MessageWriter<OrganTouch>| {
+            let Some(hit) = picking.cast_ray(above, 1.0) else { return };
+            let action = ReactionAction::Cauterize(Cautery::coagulate(30.0));
+            touches.write(OrganTouch { organ: hit.organ, point: hit.point, instrument: 0, action });
+            let action = ReactionAction::Bleed { volume_m3: 1e-9 };
+            touches.write(OrganTouch { organ: hit.organ, point: hit.point, instrument: 1, action });
+        })
+        .in_set(SurgerySystems::Touch),
+    );
+    app.step(60);
+    let reactions = app.world().get::<ReactionModel>(organ).expect("it reacts");
+    assert!((reactions.tally().bled_m3 / 60e-9 - 1.0).abs() < 1e-9, "{:?}", reactions.tally());
+    assert!(reactions.permanent().tiles_in_use() > 0 && !reactions.is_blank());
+}

@@ -47,6 +47,9 @@ impl Measures {
             });
             named.collect()
         };
+        let mut stages = spans("surgery/", "");
+        let pace: Map<String, Value> =
+            ["steps_per_frame", "lost_time"].iter().filter_map(|name| stages.remove_entry(*name)).collect();
         let empty_ms = quantile(&self.by_organs_shown[0], 0.5);
         json!({
             "adapter": adapter,
@@ -60,7 +63,8 @@ impl Measures {
             "empty_frame_ms": rounded(empty_ms),
             "first_organ_over_empty_ms": rounded(quantile(&self.by_organs_shown[1], 0.5) - empty_ms),
             "organs_over_empty_ms": rounded(quantile(&self.by_organs_shown[2], 0.5) - empty_ms),
-            "stage_ms": spans("surgery/", ""),
+            "stage_ms": stages,
+            "pace": pace,
             "pass_ms": spans("render/", "/elapsed_gpu"),
             "pass_encoding_ms": spans("render/", "/elapsed_cpu"),
             "bytes_uploaded_per_frame": quantile(&self.uploaded_bytes, 0.5),

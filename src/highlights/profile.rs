@@ -178,6 +178,7 @@ fn half_bits(value: f32) -> u16 {
 /// Tilts from the halfway vector as a plane: Lambert's equal-area map, so that densities per square radian are densities
 /// per steradian. `flat` of a normal at right angles to the halfway vector has length √2. Differs from the angle by less
 /// than a hundredth up to half a radian.
+#[cfg(feature = "render")]
 pub(super) fn flat_scale(cosine: f32) -> f32 {
     (1.0 / (1.0 + cosine).max(1e-4)).sqrt() / FRAC_1_SQRT_2
 }

@@ -84,7 +84,7 @@ impl Portion {
 
 /// Groups the boxes of consecutive sprites and pushes the rectangles around the groups to `groups`.
 ///
-/// The paper's estimate of the best number of groups ([`estimated_groups`]) assumes sprites of one size on a straight
+/// The paper's estimate of the best number of groups (`estimated_groups`) assumes sprites of one size on a straight
 /// line at even distances, and its optimum is flat but not exact. Real drops turn, so runs that are as equal as
 /// possible are tried for the estimate, its neighbours and its double, and for a single group (a path that curls up
 /// fills its box); in each, neighbouring groups are joined where that costs nothing, which undoes cuts on the straight

@@ -45,6 +45,11 @@ pub(crate) struct Painted {
 }
 
 impl Sprite {
+    /// The texels that it covers, boxed: two rectangles over the date line, none before it was first painted.
+    pub fn rects(&self) -> &[TexelRect] {
+        self.footprint.as_ref().map_or(&[], Footprint::rects)
+    }
+
     /// The same sprite for a trail: not painted yet, without liquid and heat.
     pub fn left_behind(&self) -> Self {
         Self { volume_m3: 0.0, heat_j: 0.0, is_cancelled: false, painted: None, ..self.clone() }
