@@ -14,14 +14,14 @@
 // 32) / 31, and holds its distance from 0; sampled at t / (t0 X'), X' = 1 + 5 (2 r D / a), so that its error stays under a
 // hundredth of the ring's radius for as long as there is a ring to see (r < 0.6 t0).
 //
-// Most of an organ mirrors nothing to the eye. Corners of triangles where nothing can be seen go to the far plane, behind
-// the skin, so that their pixels fail the depth test before they are shaded: software drivers take both sides of every
-// branch in the fragment shader. They also run the body of a `for` once more than it turns, so loops end by `break if`.
+// Most of an organ mirrors nothing to the eye: triangles where nothing can be seen are left out of the index buffer
+// (`highlights/render/cull.rs`), because software drivers take both sides of every branch in the fragment shader. They also
+// run the body of a `for` once more than it turns, so loops end by `break if`.
 //
 // Radiance: F E (n.l) p / (4 (e.h)^2) with illuminance E and Schlick's F.
 
 #import bevy_surgery::lights::{DIRECTIONAL, LightUniform, RING, incident}
-#import bevy_surgery::organ::{CornerVertex, map_uv, organ, primaries, secondary_vertex, to_eye, to_target, view}
+#import bevy_surgery::organ::{CornerVertex, map_uv, organ, secondary_vertex, to_eye, to_target, view}
 
 struct HighlightRing {
     log2_nearest_m: f32,
@@ -40,9 +40,7 @@ struct HighlightsUniform {
     grain_tilt: f32,
     grain_frequency_per_m: f32,
     // Beyond this tilt nothing is seen of a light without a ring: roughness, grain and film together.
-    reach: f32,
     // By how much the organ's transform enlarges angles between normals, and lengths.
-    surroundings_scale: vec2<f32>,
     has_gloss: u32,
     is_over: u32,
 }
@@ -53,8 +51,6 @@ struct HighlightsUniform {
 @group(2) @binding(3) var table_sampler: sampler;
 @group(2) @binding(4) var gloss: texture_2d<f32>;
 @group(2) @binding(5) var gloss_sampler: sampler;
-// How far normals turn (radians) and edges reach (metres) around each primary vertex.
-@group(2) @binding(6) var<storage, read> surroundings: array<vec2<f32>>;
 
 const PI: f32 = 3.141592653589793;
 const REACH: f32 = 5.0;
@@ -91,38 +87,11 @@ fn mirror(light: LightUniform, point_world_m: vec3<f32>, eye: vec3<f32>) -> Mirr
     return Mirror(to_light, sum / sum_length, facing, length_m * facing);
 }
 
-// Whether anything can be seen of the triangles around a corner. `normal` is the corner's.
-fn may_shine(corner: CornerVertex, point_world_m: vec3<f32>, normal_world: vec3<f32>) -> bool {
-    let eye = to_eye(point_world_m);
-    let normal = normalize(normal_world);
-    // Normals between some others are no farther from a neighbour than the farthest of them is.
-    let p = corner.primaries;
-    let around = max(max(surroundings[p.x], surroundings[p.y]), surroundings[p.z]) * highlights.surroundings_scale;
-    var is_seen = false;
-    var k = 0u;
-    loop {
-        let light = organ.lights.lights[k];
-        let at = mirror(light, point_world_m, eye);
-        let ring = select(0.0, 0.5 * light.ring_radius_m / at.distance_m, light.kind == RING);
-        let reach = highlights.reach + min(ring, 0.8) + around.x + around.y / at.distance_m;
-        // Which side is seen is known only in the fragment shader.
-        is_seen = is_seen || 2.0 - 2.0 * abs(dot(normal, at.halfway)) < reach * reach;
-        k++;
-        continuing {
-            break if k >= organ.lights.count;
-        }
-    }
-    return is_seen;
-}
-
 @vertex
 fn vertex(corner: CornerVertex) -> Varying {
     let at = secondary_vertex(corner);
     var out: Varying;
     out.clip = view.clip_from_world * vec4(at.position_world_m, 1.0);
-    if !may_shine(corner, at.position_world_m, at.normal_world) {
-        out.clip.z = 0.0;
-    }
     out.position_world_m = at.position_world_m;
     out.normal_world = at.normal_world;
     out.rest_position_m = corner.rest_position_m;

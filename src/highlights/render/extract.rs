@@ -1,5 +1,6 @@
 //! What the render world takes of highlights each frame.
 
+use super::cull::Around;
 use super::prepare::HighlightSurroundings;
 use crate::highlights::Highlights;
 use crate::organ::{Organ, OrganModel, OrganShape};
@@ -20,8 +21,8 @@ pub(super) struct ExtractedOrganHighlights {
     pub world_from_box: Mat4,
     /// When the shape last changed.
     pub revision: Tick,
-    /// What surrounds each vertex, where the GPU's copy is old; see [`surroundings`].
-    pub surroundings: Option<Vec<[f32; 2]>>,
+    /// The vertices with what surrounds them, where the render world's copy is old.
+    pub surroundings: Option<Vec<Around>>,
     /// By how much the transform enlarges angles between normals, and lengths, at most.
     pub surroundings_scale: Vec2,
 }
@@ -77,10 +78,12 @@ pub(super) fn extract_highlights(
     extracted.organs.sort_by_key(|organ| organ.entity);
 }
 
-/// For each vertex, the largest angle (radians) between its normal and that of a neighbour, and the longest edge (metres)
-/// to one: nothing in its triangles differs from it by more.
-fn surroundings(positions_m: &[Vec3], normals: &[Vec3], triangles: &[[u32; 3]]) -> Vec<[f32; 2]> {
-    let mut around = vec![[0.0_f32; 2]; positions_m.len()];
+/// For each vertex, the largest angle between its normal and that of a neighbour, and the longest edge to one: nothing in its
+/// triangles differs from it by more.
+fn surroundings(positions_m: &[Vec3], normals: &[Vec3], triangles: &[[u32; 3]]) -> Vec<Around> {
+    let vertices = positions_m.iter().zip(normals);
+    let mut around: Vec<Around> =
+        vertices.map(|(&position_m, &normal)| Around { position_m, normal, angle_rad: 0.0, edge_m: 0.0 }).collect();
     for triangle in triangles {
         let corners = triangle.map(|corner| corner as usize);
         // A model that was just exchanged does not belong to the shape.
@@ -92,7 +95,8 @@ fn surroundings(positions_m: &[Vec3], normals: &[Vec3], triangles: &[[u32; 3]]) 
             let angle_rad = 1.12 * normals[a].distance(normals[b]);
             let length_m = positions_m[a].distance(positions_m[b]);
             for corner in [a, b] {
-                around[corner] = [around[corner][0].max(angle_rad), around[corner][1].max(length_m)];
+                let around = &mut around[corner];
+                (around.angle_rad, around.edge_m) = (around.angle_rad.max(angle_rad), around.edge_m.max(length_m));
             }
         }
     }
@@ -128,9 +132,9 @@ mod tests {
         let positions = [Vec3::ZERO, Vec3::X, 2.0 * Vec3::Y, Vec3::ONE];
         let tilted = Vec3::new(0.3_f32.sin(), 0.0, 0.3_f32.cos());
         let around = surroundings(&positions, &[Vec3::Z, tilted, Vec3::Z, Vec3::Z], &[[0, 1, 2]]);
-        assert!((0.3..0.36).contains(&around[0][0]) && around[0][1] == 2.0, "{around:?}");
-        assert!(around[2][0] >= 0.3 && around[3] == [0.0, 0.0], "{around:?}");
-        assert!((around[1][1] - 5_f32.sqrt()).abs() < 1e-6, "{around:?}");
+        assert!((0.3..0.36).contains(&around[0].angle_rad) && around[0].edge_m == 2.0, "{around:?}");
+        assert!(around[2].angle_rad >= 0.3 && (around[3].angle_rad, around[3].edge_m) == (0.0, 0.0), "{around:?}");
+        assert!((around[1].edge_m - 5_f32.sqrt()).abs() < 1e-6, "{around:?}");
     }
 
     #[test]

@@ -1,5 +1,6 @@
 //! The highlight passes.
 
+mod cull;
 mod extract;
 mod pass;
 mod prepare;
@@ -24,7 +25,7 @@ pub(super) fn build(app: &mut App) {
             Render,
             (
                 prepare_layer_pipelines::<prepare::HighlightsLayer>.in_set(RenderSystems::PrepareResources),
-                prepare::write_surroundings.in_set(RenderSystems::PrepareResources),
+                prepare::keep_surroundings.in_set(RenderSystems::PrepareResources),
                 // Organs and gloss maps are written in `PrepareResources`, in whatever order.
                 prepare::prepare_views.in_set(RenderSystems::PrepareBindGroups),
             ),

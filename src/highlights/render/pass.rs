@@ -13,8 +13,7 @@ pub(super) fn draw_under_drops(
     mut ctx: RenderContext,
 ) {
     let entity = view.entity();
-    organs
-        .draw("highlights_under", view, &mut ctx, |organ| views.bind_group(entity, organ, HighlightCover::UnderDrops));
+    organs.draw("highlights_under", view, &mut ctx, |organ| views.part(entity, organ, HighlightCover::UnderDrops));
 }
 
 pub(super) fn draw_over_drops(
@@ -24,5 +23,5 @@ pub(super) fn draw_over_drops(
     mut ctx: RenderContext,
 ) {
     let entity = view.entity();
-    organs.draw("highlights", view, &mut ctx, |organ| views.bind_group(entity, organ, HighlightCover::OverDrops));
+    organs.draw("highlights", view, &mut ctx, |organ| views.part(entity, organ, HighlightCover::OverDrops));
 }

@@ -3,19 +3,24 @@
 //! What a reflection looks like depends on where it is seen from, so each view has a table of its own, with rows for
 //! each organ that it sees.
 
+use super::cull::{Around, Seen};
 use super::extract::{ExtractedHighlights, ExtractedOrganHighlights};
-use crate::highlights::HighlightCover;
 use crate::highlights::profile::{
     DistanceSlices, PROFILE_REACH, PROFILE_TEXELS, RAMP_TEXELS, profile_domain, radial_ramp, write_profile,
 };
+use crate::highlights::{HighlightCover, Highlights};
 use crate::organ::Organ;
-use crate::organ::render::{ExtractedOrgans, OrganGloss, OrganLayer, OrganLayouts, layer_shader};
+use crate::organ::render::{
+    ExtractedOrgans, GpuOrganModel, OrganGloss, OrganLayer, OrganLayouts, OrganPart, layer_shader,
+};
 use crate::render::{LightUniform, MAX_SCOPE_LIGHTS, SceneLights, Uploads, strongest_lights};
 use bevy::ecs::change_detection::Tick;
+use bevy::math::Affine3A;
 use bevy::prelude::*;
 use bevy::render::camera::ExtractedCamera;
+use bevy::render::render_asset::RenderAssets;
 use bevy::render::render_resource::{
-    binding_types::{sampler, storage_buffer_read_only_sized, texture_2d, uniform_buffer},
+    binding_types::{sampler, texture_2d, uniform_buffer},
     *,
 };
 use bevy::render::renderer::{RenderDevice, RenderQueue};
@@ -65,10 +70,6 @@ pub struct HighlightsUniform {
     pub grain_tilt: f32,
     /// One over the size of the grain, per metre.
     pub grain_frequency_per_m: f32,
-    /// Tilt beyond which nothing of a point-shaped light is seen, radians.
-    pub reach: f32,
-    /// By how much the organ's transform enlarges angles between normals, and lengths, at most.
-    pub surroundings_scale: Vec2,
     /// Whether the organ has a gloss map.
     pub has_gloss: u32,
     /// Whether wet places shine.
@@ -97,13 +98,12 @@ pub(super) fn init_pipeline(
         &BindGroupLayoutEntries::sequential(
             ShaderStages::FRAGMENT,
             (
-                uniform_buffer::<HighlightsUniform>(false).visibility(ShaderStages::VERTEX_FRAGMENT),
+                uniform_buffer::<HighlightsUniform>(false),
                 texture_2d(TextureSampleType::Float { filterable: true }),
                 texture_2d(TextureSampleType::Float { filterable: true }),
                 sampler(SamplerBindingType::Filtering),
                 texture_2d(TextureSampleType::Float { filterable: true }),
                 sampler(SamplerBindingType::Filtering),
-                storage_buffer_read_only_sized(false, None).visibility(ShaderStages::VERTEX),
             ),
         ),
     );
@@ -148,41 +148,21 @@ struct RowBlock {
     slices: DistanceSlices,
 }
 
-struct Surroundings {
-    buffer: RawBufferVec<[f32; 2]>,
-    revision: Tick,
-}
-
-/// How much the surface turns around each vertex, by organ, kept between frames.
+/// The vertices of organs with what surrounds them, kept between frames.
 #[derive(Resource, Default)]
-pub(super) struct HighlightSurroundings(BTreeMap<MainEntity, Surroundings>);
+pub(super) struct HighlightSurroundings(BTreeMap<MainEntity, (Tick, Vec<Around>)>);
 
 impl HighlightSurroundings {
     pub fn revision(&self, organ: MainEntity) -> Option<Tick> {
-        self.0.get(&organ).map(|surroundings| surroundings.revision)
+        self.0.get(&organ).map(|(revision, _)| *revision)
     }
 }
 
-pub(super) fn write_surroundings(
-    mut known: ResMut<HighlightSurroundings>,
-    mut extracted: ResMut<ExtractedHighlights>,
-    uploaded: Option<Res<Uploads>>,
-    device: Res<RenderDevice>,
-    queue: Res<RenderQueue>,
-) {
+pub(super) fn keep_surroundings(mut known: ResMut<HighlightSurroundings>, mut extracted: ResMut<ExtractedHighlights>) {
     known.0.retain(|entity, _| extracted.organs.binary_search_by_key(entity, |organ| organ.entity).is_ok());
     for organ in &mut extracted.organs {
-        let Some(surroundings) = organ.surroundings.take() else { continue };
-        let known = known.0.entry(organ.entity).or_insert_with(|| {
-            let mut buffer = RawBufferVec::new(BufferUsages::STORAGE);
-            buffer.set_label(Some("highlight_surroundings"));
-            Surroundings { buffer, revision: organ.revision }
-        });
-        known.revision = organ.revision;
-        *known.buffer.values_mut() = surroundings;
-        known.buffer.write_buffer(&device, &queue);
-        if let Some(uploaded) = &uploaded {
-            uploaded.add(size_of_val(known.buffer.values().as_slice()) as u64);
+        if let Some(surroundings) = organ.surroundings.take() {
+            known.0.insert(organ.entity, (organ.revision, surroundings));
         }
     }
 }
@@ -191,6 +171,8 @@ struct OrganInView {
     uniform: UniformBuffer<HighlightsUniform>,
     cover: HighlightCover,
     bind_group: Option<BindGroup>,
+    /// The triangles that may show something.
+    indices: RawBufferVec<u32>,
 }
 
 /// The highlights of a view.
@@ -207,10 +189,12 @@ struct HighlightView {
 pub(super) struct HighlightViews(BTreeMap<Entity, HighlightView>);
 
 impl HighlightViews {
-    /// Group 2 of an organ in a view, in one of the two passes.
-    pub fn bind_group(&self, view: Entity, organ: MainEntity, cover: HighlightCover) -> Option<&BindGroup> {
-        let organ = self.0.get(&view)?.organs.get(&organ)?;
-        organ.bind_group.as_ref().filter(|_| organ.cover == cover)
+    /// What is drawn of an organ in a view, in one of the two passes.
+    pub fn part(&self, view: Entity, organ: MainEntity, cover: HighlightCover) -> Option<OrganPart<'_>> {
+        let organ = self.0.get(&view)?.organs.get(&organ).filter(|organ| organ.cover == cover)?;
+        let count = organ.indices.len() as u32;
+        let indices = Some((organ.indices.buffer()?, count));
+        (count > 0).then_some(OrganPart { group: organ.bind_group.as_ref()?, indices })
     }
 }
 
@@ -256,21 +240,19 @@ fn reach_rad(roughness_rad: f32, brightness: f32) -> f32 {
     roughness_rad * (2.0 * (peak / UNSEEN).max(1.0).ln()).sqrt().min(PROFILE_REACH)
 }
 
-fn uniform(
-    organ: &ExtractedOrganHighlights,
-    has_gloss: bool,
-    is_lit_from_aside: bool,
-    rings: [HighlightRing; MAX_SCOPE_LIGHTS],
-) -> HighlightsUniform {
-    let highlights = &organ.highlights;
-    let is_over = highlights.cover == HighlightCover::OverDrops;
-    let shows_drops = has_gloss && is_over;
+/// Tilt beyond which nothing of a point-shaped light is seen on an organ, radians.
+fn reach_of_organ_rad(highlights: &Highlights, has_gloss: bool, is_lit_from_aside: bool) -> f32 {
+    let shows_drops = has_gloss && highlights.cover == HighlightCover::OverDrops;
     let film = if highlights.film_relief_m > 0.0 { STEEPEST_FILM } else { 0.0 };
     // Light from aside is mirrored more strongly.
     let reflectance = highlights.reflectance + if is_lit_from_aside { 0.2 } else { 0.0 };
     let brightness = highlights.strength * reflectance;
     let dry = reach_rad(highlights.dry_roughness, brightness) + STRONGEST_GRAIN * highlights.grain_tilt;
     let wet = if shows_drops { reach_rad(highlights.wet_roughness, brightness) + film } else { 0.0 };
+    dry.max(wet)
+}
+
+fn uniform(highlights: &Highlights, has_gloss: bool, rings: [HighlightRing; MAX_SCOPE_LIGHTS]) -> HighlightsUniform {
     HighlightsUniform {
         rings,
         strength: highlights.strength,
@@ -280,10 +262,8 @@ fn uniform(
         film_relief_m: highlights.film_relief_m,
         grain_tilt: highlights.grain_tilt,
         grain_frequency_per_m: 1.0 / highlights.grain_size_m,
-        reach: dry.max(wet),
-        surroundings_scale: organ.surroundings_scale,
         has_gloss: has_gloss.into(),
-        is_over: is_over.into(),
+        is_over: (highlights.cover == HighlightCover::OverDrops).into(),
     }
 }
 
@@ -315,6 +295,7 @@ pub(super) fn prepare_views(
     extracted: Res<ExtractedHighlights>,
     surroundings: Res<HighlightSurroundings>,
     organs: Res<ExtractedOrgans>,
+    models: Res<RenderAssets<GpuOrganModel>>,
     scene: Option<Res<SceneLights>>,
     gloss: Res<OrganGloss>,
     layer: Res<OrganLayer<HighlightsLayer>>,
@@ -331,6 +312,7 @@ pub(super) fn prepare_views(
     for (view_entity, view, visible) in &views {
         let visible = visible.get::<Organ>().map(|class| class.entities_cpu_culling.as_slice()).unwrap_or_default();
         let eye_world_m = view.world_from_view.translation();
+        let is_parallel = view.clip_from_view.w_axis.w == 1.0;
         // Organs by entity, so that the rows lie the same way in every frame.
         let mut seen: Vec<_> = visible
             .iter()
@@ -362,12 +344,36 @@ pub(super) fn prepare_views(
             }
             let is_aside = |light: &LightUniform| !is_at_eye(light, eye_world_m);
             let has_gloss = gloss.maps.contains_key(&shining.entity);
-            let new = uniform(shining, has_gloss, lights.iter().any(is_aside), rings);
+            let new = uniform(&shining.highlights, has_gloss, rings);
             let in_view = prepared.organs.entry(shining.entity).or_insert_with(|| OrganInView {
                 uniform: UniformBuffer::default(),
                 cover: shining.highlights.cover,
                 bind_group: None,
+                indices: {
+                    let mut indices = RawBufferVec::new(BufferUsages::INDEX);
+                    indices.set_label(Some("highlight_indices"));
+                    indices
+                },
             });
+            let seen = Seen {
+                world_from_organ: Affine3A::from_mat4(organ.world_from_organ),
+                scale: shining.surroundings_scale,
+                lights,
+                reach_rad: reach_of_organ_rad(&shining.highlights, has_gloss, lights.iter().any(is_aside)),
+                eye_world_m,
+                to_parallel_eye: is_parallel.then(|| view.world_from_view.back().into()),
+            };
+            let around = surroundings.0.get(&shining.entity);
+            if let Some((model, (_, around))) = models.get(organ.model).zip(around) {
+                let triangles = seen.triangles(&model.model, around);
+                if in_view.indices.values() != &triangles {
+                    *in_view.indices.values_mut() = triangles;
+                    in_view.indices.write_buffer(&device, &queue);
+                    if let Some(uploaded) = &uploaded {
+                        uploaded.add(size_of_val(in_view.indices.values().as_slice()) as u64);
+                    }
+                }
+            }
             in_view.cover = shining.highlights.cover;
             if in_view.uniform.buffer().is_none() || *in_view.uniform.get() != new {
                 in_view.uniform.set(new);
@@ -395,8 +401,7 @@ pub(super) fn prepare_views(
         let profiles = table.create_view(&default());
         for (entity, organ) in &mut prepared.organs {
             organ.bind_group = None;
-            let surroundings = surroundings.0.get(entity).and_then(|surroundings| surroundings.buffer.buffer());
-            let (Some(uniform), Some(surroundings)) = (organ.uniform.binding(), surroundings) else { continue };
+            let Some(uniform) = organ.uniform.binding() else { continue };
             let entries = BindGroupEntries::sequential((
                 uniform,
                 &profiles,
@@ -404,7 +409,6 @@ pub(super) fn prepare_views(
                 &ramp.sampler,
                 gloss.of(*entity),
                 &gloss.sampler,
-                surroundings.as_entire_binding(),
             ));
             organ.bind_group = Some(device.create_bind_group("highlights", &layout, &entries));
         }
