@@ -27,8 +27,6 @@ use std::marker::PhantomData;
 /// The pipelines of a layer, made as views ask for them. `L` names the layer.
 #[derive(Resource)]
 pub struct OrganLayer<L> {
-    /// Name of its pass in diagnostics and captures.
-    pub label: &'static str,
     /// Layouts of its own bind groups, from group 2 on.
     pub own_groups: Vec<BindGroupLayoutDescriptor>,
     variants: Variants<RenderPipeline, LayerSpecializer>,
@@ -66,7 +64,7 @@ impl<L> OrganLayer<L> {
     ) -> Self {
         let descriptor = organ_pipeline_descriptor(label, layouts, &own_groups, shader, blend.is_none());
         let variants = Variants::new(LayerSpecializer { blend }, descriptor);
-        Self { label, own_groups, variants, marker: PhantomData }
+        Self { own_groups, variants, marker: PhantomData }
     }
 }
 
