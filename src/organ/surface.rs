@@ -31,6 +31,19 @@ impl Surface<'_> {
         a * w.x + b * w.y + c * w.z
     }
 
+    /// The place with weights that are not negative and sum to one, if it is one of this surface: its face is there, its
+    /// numbers and its corners' positions are finite.
+    pub fn checked(&self, point: SurfacePoint) -> Option<SurfacePoint> {
+        let has_face = (point.face as usize) < self.atlas.chart().triangles.len();
+        if !has_face || !point.barycentric.is_finite() {
+            return None;
+        }
+        let weights = point.barycentric.max(DVec3::ZERO);
+        let sum = weights.element_sum();
+        let point = SurfacePoint { face: point.face, barycentric: weights / sum };
+        (sum > 0.0 && self.position_m(point).is_finite()).then_some(point)
+    }
+
     /// Unit normal between those of the corners; the flat face's where they cancel.
     pub fn normal(&self, point: SurfacePoint) -> DVec3 {
         let triangle = self.atlas.chart().triangles[point.face as usize];

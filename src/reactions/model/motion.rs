@@ -1,6 +1,5 @@
 //! Heads move, leave trails and meet.
 
-use super::touches::sound;
 use super::{MAX_RADIUS_M, ReactionEvent, ReactionModel, StepContext};
 use crate::organ::sphere::SurfacePoint;
 use crate::organ::surface::Surface;
@@ -79,7 +78,7 @@ impl ReactionModel {
         };
         let mut fate = kind.move_head(&mut head, &motion);
         // A user's kind may say anything.
-        if sound(ground, head.point).is_none() {
+        if ground.checked(head.point).is_none() {
             fate = DropFate::Lost;
         }
         snake.velocity_m_per_s = head.velocity_m_per_s;

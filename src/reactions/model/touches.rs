@@ -3,7 +3,6 @@
 use super::motion::{SMALLEST_DROP_M, become_film};
 use super::{MAX_RADIUS_M, ReactionModel, StepContext, Touch, wounds::OpenWound};
 use crate::organ::sphere::SurfacePoint;
-use crate::organ::surface::Surface;
 use crate::reactions::action::{ReactionAction, Wound};
 use crate::reactions::burn::Cautery;
 use crate::reactions::drops::walk;
@@ -46,7 +45,7 @@ impl ReactionModel {
         }
         let touches = &touches[dropped..];
         for touch in touches {
-            let Some(point) = sound(context.surface, touch.point) else {
+            let Some(point) = context.surface.checked(touch.point) else {
                 self.blame(ReactionFault::BadPlace);
                 continue;
             };
@@ -63,7 +62,7 @@ impl ReactionModel {
                     let is_same = |other: &&Touch| {
                         other.instrument == touch.instrument
                             && matches!(other.action, ReactionAction::Cauterize(_))
-                            && sound(context.surface, other.point).is_some()
+                            && context.surface.checked(other.point).is_some()
                     };
                     let share = 1.0 / touches.iter().filter(is_same).count() as f64;
                     self.cauterize(context, touch.instrument, point, cautery, share);
@@ -227,16 +226,4 @@ impl ReactionModel {
         }
         self.strokes.insert(instrument, Stroke { point, step: self.steps });
     }
-}
-
-/// A place with weights that sum to one, if it is one of the surface.
-pub(super) fn sound(surface: &Surface, point: SurfacePoint) -> Option<SurfacePoint> {
-    let has_face = (point.face as usize) < surface.atlas.chart().triangles.len();
-    if !has_face || !point.barycentric.is_finite() {
-        return None;
-    }
-    let weights = point.barycentric.max(glam::DVec3::ZERO);
-    let sum = weights.element_sum();
-    let point = SurfacePoint { face: point.face, barycentric: weights / sum };
-    (sum > 0.0 && surface.position_m(point).is_finite()).then_some(point)
 }
