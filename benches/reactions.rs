@@ -2,6 +2,8 @@
 //!
 //! What is compared takes turns, step by step or frame by frame, so that a machine that slows down slows all of it.
 
+mod turns;
+
 use bevy::math::DVec3;
 use bevy::prelude::*;
 use bevy_surgery::organ::mesh::SurfaceMesh;
@@ -13,13 +15,6 @@ use bevy_surgery::testing::TestApp;
 use criterion::{Criterion, criterion_group, criterion_main};
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg32;
-use std::time::{Duration, Instant};
-
-fn median_ms(times: &[Duration]) -> f64 {
-    let mut sorted = times.to_vec();
-    sorted.sort();
-    sorted[sorted.len() / 2].as_secs_f64() * 1e3
-}
 
 fn liver() -> OrganModel {
     OrganModel::procedural_liver(&OrganOptions::default()).expect("the crate's own liver")
@@ -92,38 +87,17 @@ impl Rain {
 fn steps(c: &mut Criterion) {
     let counts = [10, 100];
     let mut rains = counts.map(Rain::new);
-    let mut times = [const { Vec::new() }; 2];
     let mut sprites = [0, 0];
-    for _ in 0..300 {
-        for (place, rain) in rains.iter_mut().enumerate() {
-            let started = Instant::now();
-            rain.step();
-            times[place].push(started.elapsed());
-            sprites[place] += rain.model.sprite_count();
-        }
+    let medians = turns::medians_ms(300, &mut rains, |rain| {
+        rain.step();
+        sprites[usize::from(rain.drops == counts[1])] += rain.model.sprite_count();
+    });
+    for ((count, median), sprites) in counts.iter().zip(&medians).zip(sprites) {
+        println!("{count} drops, {} sprites: {median:.3} ms a step", sprites / 300);
     }
-    for ((count, times), sprites) in counts.iter().zip(&times).zip(sprites) {
-        println!("{count} drops, {} sprites: {:.3} ms a step", sprites / 300, median_ms(times));
-    }
-    println!("ratio {:.2}", median_ms(&times[1]) / median_ms(&times[0]));
+    println!("ratio {:.2}", medians[1] / medians[0]);
     let mut group = c.benchmark_group("reaction step");
-    for (place, count) in counts.iter().enumerate() {
-        group.bench_function(format!("{count} drops"), |b| {
-            b.iter_custom(|rounds| {
-                let mut spent = Duration::ZERO;
-                for _ in 0..rounds {
-                    for (other, rain) in rains.iter_mut().enumerate() {
-                        let started = Instant::now();
-                        rain.step();
-                        if other == place {
-                            spent += started.elapsed();
-                        }
-                    }
-                }
-                spent
-            });
-        });
-    }
+    turns::bench_each(&mut group, &["10 drops", "100 drops"], &mut rains, Rain::step);
     group.finish();
 }
 
@@ -171,35 +145,12 @@ fn app(layers: Layers) -> TestApp {
 fn frames(c: &mut Criterion) {
     let scenes = [(Layers::None, "empty scene"), (Layers::Skin, "skin"), (Layers::All, "all layers")];
     let mut apps: Vec<TestApp> = scenes.iter().map(|(layers, _)| app(*layers)).collect();
-    let mut times = [const { Vec::new() }; 3];
-    for _ in 0..60 {
-        for (app, times) in apps.iter_mut().zip(&mut times) {
-            let started = Instant::now();
-            app.step(1);
-            times.push(started.elapsed());
-        }
-    }
-    let [empty, skin, all] = std::array::from_fn(|place| median_ms(&times[place]));
+    let medians = turns::medians_ms(60, &mut apps, |app| app.step(1));
+    let (empty, skin, all) = (medians[0], medians[1], medians[2]);
     println!("empty {empty:.2} ms a frame, skin {:+.2}, reactions and highlights {:+.2}", skin - empty, all - skin);
     let mut group = c.benchmark_group("frame 800x600 with a step");
     group.sample_size(20);
-    for (place, (_, name)) in scenes.iter().enumerate() {
-        group.bench_function(*name, |b| {
-            b.iter_custom(|rounds| {
-                let mut spent = Duration::ZERO;
-                for _ in 0..rounds {
-                    for (other, app) in apps.iter_mut().enumerate() {
-                        let started = Instant::now();
-                        app.step(1);
-                        if other == place {
-                            spent += started.elapsed();
-                        }
-                    }
-                }
-                spent
-            });
-        });
-    }
+    turns::bench_each(&mut group, &scenes.map(|(_, name)| name), &mut apps, |app| app.step(1));
     group.finish();
 }
 

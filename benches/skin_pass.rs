@@ -3,6 +3,8 @@
 //! The three scenes take turns frame by frame, so that a machine that slows down slows all of them; Criterion then sees
 //! the time of one of them per bench.
 
+mod turns;
+
 use bevy::asset::RenderAssetUsages;
 use bevy::mesh::{Indices, PrimitiveTopology};
 use bevy::pbr::PbrPlugin;
@@ -10,7 +12,6 @@ use bevy::prelude::*;
 use bevy_surgery::prelude::*;
 use bevy_surgery::testing::TestApp;
 use criterion::{Criterion, criterion_group, criterion_main};
-use std::time::{Duration, Instant};
 
 /// What the camera sees.
 #[derive(Clone, Copy, PartialEq)]
@@ -58,43 +59,15 @@ fn app(scene: Scene) -> TestApp {
 fn frames(c: &mut Criterion) {
     let scenes = [(Scene::Empty, "empty scene"), (Scene::Skin, "skin"), (Scene::StandardMaterial, "StandardMaterial")];
     let mut apps: Vec<TestApp> = scenes.iter().map(|(scene, _)| app(*scene)).collect();
+    let names = scenes.map(|(_, name)| name);
     // First the comparison itself: medians of frames drawn in turn.
-    let mut times = [const { Vec::new() }; 3];
-    for _ in 0..60 {
-        for (app, times) in apps.iter_mut().zip(&mut times) {
-            let started = Instant::now();
-            app.idle();
-            times.push(started.elapsed());
-        }
-    }
-    let median = |times: &[Duration]| {
-        let mut sorted = times.to_vec();
-        sorted.sort();
-        sorted[sorted.len() / 2].as_secs_f64() * 1e3
-    };
-    let empty = median(&times[0]);
-    for ((_, name), times) in scenes.iter().zip(&times) {
-        println!("{name}: {:.2} ms a frame, {:+.2} ms over the empty scene", median(times), median(times) - empty);
+    let medians = turns::medians_ms(60, &mut apps, TestApp::idle);
+    for (name, median) in names.iter().zip(&medians) {
+        println!("{name}: {median:.2} ms a frame, {:+.2} ms over the empty scene", median - medians[0]);
     }
     let mut group = c.benchmark_group("frame 800x600");
     group.sample_size(20);
-    for (place, (_, name)) in scenes.iter().enumerate() {
-        group.bench_function(*name, |b| {
-            b.iter_custom(|rounds| {
-                let mut spent = Duration::ZERO;
-                for _ in 0..rounds {
-                    for (other, app) in apps.iter_mut().enumerate() {
-                        let started = Instant::now();
-                        app.idle();
-                        if other == place {
-                            spent += started.elapsed();
-                        }
-                    }
-                }
-                spent
-            });
-        });
-    }
+    turns::bench_each(&mut group, &names, &mut apps, TestApp::idle);
     group.finish();
 }
 

@@ -22,8 +22,9 @@ use bevy::render::{Render, RenderApp, RenderSystems};
 use bevy_surgery::highlights::highlight_radiance;
 use bevy_surgery::highlights::profile::{RingProfile, ring_tilt_rad};
 use bevy_surgery::organ::render::{
-    NEUTRAL_GLOSS, OrganDraw, OrganGloss, OrganLayer, OrganLayerView, OrganLayouts, prepare_layer_pipelines,
+    OrganDraw, OrganGloss, OrganLayer, OrganLayerView, OrganLayouts, prepare_layer_pipelines,
 };
+use bevy_surgery::organ::surface::NEUTRAL_GLOSS;
 use bevy_surgery::organ::texture_mesh::TextureMeshOptions;
 use bevy_surgery::prelude::*;
 use bevy_surgery::render::{LightUniform, Uploads};

@@ -59,7 +59,7 @@ pub fn highlight_radiance(
 
 /// How wet a gloss is, and how much of the reflection a dull place keeps; both 0 to 1.
 fn wetness_and_shine(highlights: &Highlights, gloss: f32) -> (f32, f32) {
-    const NEUTRAL: f32 = crate::organ::render::NEUTRAL_GLOSS as f32 / 255.0;
+    const NEUTRAL: f32 = crate::organ::surface::NEUTRAL_GLOSS as f32 / 255.0;
     let wetness = ((gloss - NEUTRAL) / (1.0 - NEUTRAL)).clamp(0.0, 1.0);
     let is_over = highlights.cover == super::HighlightCover::OverDrops;
     (if is_over { wetness } else { 0.0 }, (gloss / NEUTRAL).clamp(0.0, 1.0))

@@ -5,6 +5,9 @@ use super::sphere::SurfacePoint;
 use super::{OrganModel, OrganShape};
 use glam::{DVec3, Vec3};
 
+/// Gloss of skin on which nothing lies: neither wetter (255) nor duller (0) than the skin itself.
+pub const NEUTRAL_GLOSS: u8 = 128;
+
 /// A surface at one moment. All positions are in the organ's space, metres.
 #[derive(Clone, Copy, Debug)]
 pub struct Surface<'a> {

@@ -1,13 +1,11 @@
 //! What burns look like, and the electrosurgical unit that makes them.
 
+use crate::organ::surface::NEUTRAL_GLOSS;
 use bevy::reflect::Reflect;
 use serde::{Deserialize, Serialize};
 
 /// Entries of a ramp.
 const ENTRIES: usize = 256;
-
-/// Gloss of skin that is neither wet nor burnt.
-const DRY_SKIN_GLOSS: u8 = 128;
 
 /// How a texel of a burn is drawn.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Reflect, Serialize, Deserialize)]
@@ -20,7 +18,7 @@ pub struct BurnLook {
 
 impl BurnLook {
     /// Skin that is not burnt.
-    const NONE: Self = Self { colour: [0; 4], gloss: DRY_SKIN_GLOSS };
+    const NONE: Self = Self { colour: [0; 4], gloss: NEUTRAL_GLOSS };
 }
 
 /// A designer's stop of a [`BurnRamp`]: what tissue looks like that has received a dose.
@@ -58,7 +56,7 @@ impl Default for BurnRamp {
         let stop =
             |dose_j_per_mm2, colour_srgb, opacity, gloss| BurnStop { dose_j_per_mm2, colour_srgb, opacity, gloss };
         Self::from_stops(&[
-            stop(0.0, [0.96, 0.89, 0.55], 0.0, DRY_SKIN_GLOSS),
+            stop(0.0, [0.96, 0.89, 0.55], 0.0, NEUTRAL_GLOSS),
             stop(0.05, [0.95, 0.87, 0.50], 0.20, 122),
             stop(0.32, [0.88, 0.74, 0.42], 0.54, 100),
             stop(0.50, [0.69, 0.48, 0.25], 0.76, 76),

@@ -3,6 +3,7 @@
 use super::drops::DropSettings;
 use super::kind::{Ageing, ReactionKind, SpriteFate, SpriteLook};
 use super::snake::Sprite;
+use crate::organ::surface::NEUTRAL_GLOSS;
 use bevy::reflect::Reflect;
 use serde::{Deserialize, Serialize};
 
@@ -82,7 +83,7 @@ impl ReactionKind for Blood {
         let wetness = if is_film { decay(sprite.age_s, self.drying_time_s) } else { 1.0 };
         SpriteLook {
             colour: if is_film { self.film_colour } else { self.drop_colour },
-            gloss: 128 + byte(wetness) / 2,
+            gloss: NEUTRAL_GLOSS + byte(wetness) / 2,
             opacity: byte(sprite.opacity),
         }
     }
@@ -153,7 +154,7 @@ impl ReactionKind for Whitening {
     }
 
     fn look(&self, sprite: &Sprite) -> SpriteLook {
-        SpriteLook { colour: self.colour, gloss: 128, opacity: byte(sprite.opacity) }
+        SpriteLook { colour: self.colour, gloss: NEUTRAL_GLOSS, opacity: byte(sprite.opacity) }
     }
 
     fn begin(&self, head: &mut Sprite) {

@@ -1,7 +1,6 @@
 //! What the render world takes of highlights each frame.
 
 use super::cull::Around;
-use super::prepare::HighlightSurroundings;
 use crate::highlights::Highlights;
 use crate::organ::{Organ, OrganModel, OrganShape};
 use bevy::camera::primitives::Aabb;
@@ -9,6 +8,7 @@ use bevy::ecs::change_detection::Tick;
 use bevy::prelude::*;
 use bevy::render::Extract;
 use bevy::render::sync_world::MainEntity;
+use std::collections::BTreeMap;
 
 /// The highlights of an organ in this frame.
 pub(super) struct ExtractedOrganHighlights {
@@ -19,10 +19,6 @@ pub(super) struct ExtractedOrganHighlights {
     pub corners_world_m: [Vec3; 8],
     /// From the box's own coordinates, -1 to 1 along each axis, to the world.
     pub world_from_box: Mat4,
-    /// When the shape last changed.
-    pub revision: Tick,
-    /// The vertices with what surrounds them, where the render world's copy is old.
-    pub surroundings: Option<Vec<Around>>,
     /// By how much the transform enlarges angles between normals, and lengths, at most.
     pub surroundings_scale: Vec2,
 }
@@ -32,6 +28,10 @@ pub(super) struct ExtractedOrganHighlights {
 pub(super) struct ExtractedHighlights {
     pub organs: Vec<ExtractedOrganHighlights>,
 }
+
+/// The vertices of organs with what surrounds them, and when the shape last changed; kept between frames.
+#[derive(Resource, Default)]
+pub(super) struct HighlightSurroundings(pub BTreeMap<MainEntity, (Tick, Vec<Around>)>);
 
 type Shining = (
     Entity,
@@ -44,7 +44,7 @@ type Shining = (
 
 pub(super) fn extract_highlights(
     mut extracted: ResMut<ExtractedHighlights>,
-    known: Res<HighlightSurroundings>,
+    mut known: ResMut<HighlightSurroundings>,
     organs: Extract<Query<Shining>>,
     models: Extract<Res<Assets<OrganModel>>>,
 ) {
@@ -59,7 +59,11 @@ pub(super) fn extract_highlights(
             world_from_box.transform_point3(Vec3::new(sign(1), sign(2), sign(4)))
         };
         let revision = shape.last_changed();
-        let is_old = known.revision(entity.into()) != Some(revision);
+        if known.0.get(&entity.into()).is_none_or(|(known, _)| *known != revision) {
+            let triangles = models.get(&organ.0).map(|model| model.mesh.triangles.as_slice()).unwrap_or_default();
+            let around = surroundings(shape.positions_m(), shape.normals(), triangles);
+            known.0.insert(entity.into(), (revision, around));
+        }
         let axes = transform.affine().matrix3.to_cols_array_2d().map(|axis| Vec3::from(axis).length());
         let (smallest, largest) = (axes[0].min(axes[1]).min(axes[2]), axes[0].max(axes[1]).max(axes[2]));
         ExtractedOrganHighlights {
@@ -67,15 +71,12 @@ pub(super) fn extract_highlights(
             highlights: highlights.clamped(),
             corners_world_m: std::array::from_fn(corner),
             world_from_box,
-            revision,
-            surroundings: is_old.then(|| {
-                let triangles = models.get(&organ.0).map(|model| model.mesh.triangles.as_slice()).unwrap_or_default();
-                surroundings(shape.positions_m(), shape.normals(), triangles)
-            }),
             surroundings_scale: Vec2::new(largest / smallest.max(1e-3 * largest), largest),
         }
     }));
     extracted.organs.sort_by_key(|organ| organ.entity);
+    let is_here = |entity: &MainEntity| extracted.organs.binary_search_by_key(entity, |organ| organ.entity).is_ok();
+    known.0.retain(|entity, _| is_here(entity));
 }
 
 /// For each vertex, the largest angle between its normal and that of a neighbour, and the longest edge to one: nothing in its
@@ -149,8 +150,6 @@ mod tests {
             highlights: default(),
             corners_world_m: corners.try_into().expect("eight corners"),
             world_from_box,
-            revision: default(),
-            surroundings: None,
             surroundings_scale: Vec2::ONE,
         };
         let from = Vec3::X + turn * Vec3::new(5.0, -5.0, 0.2);

@@ -17,15 +17,14 @@ pub(super) fn build(app: &mut App) {
     let Some(render_app) = app.get_sub_app_mut(RenderApp) else { return };
     render_app
         .init_resource::<extract::ExtractedHighlights>()
+        .init_resource::<extract::HighlightSurroundings>()
         .init_gpu_resource::<prepare::HighlightViews>()
-        .init_gpu_resource::<prepare::HighlightSurroundings>()
         .add_systems(RenderStartup, prepare::init_pipeline.after(PrepareOrgans))
         .add_systems(ExtractSchedule, extract::extract_highlights)
         .add_systems(
             Render,
             (
                 prepare_layer_pipelines::<prepare::HighlightsLayer>.in_set(RenderSystems::PrepareResources),
-                prepare::keep_surroundings.in_set(RenderSystems::PrepareResources),
                 // Organs and gloss maps are written in `PrepareResources`, in whatever order.
                 prepare::prepare_views.in_set(RenderSystems::PrepareBindGroups),
             ),

@@ -3,8 +3,8 @@
 //! What a reflection looks like depends on where it is seen from, so each view has a table of its own, with rows for
 //! each organ that it sees.
 
-use super::cull::{Around, Seen};
-use super::extract::{ExtractedHighlights, ExtractedOrganHighlights};
+use super::cull::Seen;
+use super::extract::{ExtractedHighlights, ExtractedOrganHighlights, HighlightSurroundings};
 use crate::highlights::profile::{
     DistanceSlices, PROFILE_REACH, PROFILE_TEXELS, RAMP_TEXELS, profile_domain, radial_ramp, write_profile,
 };
@@ -14,7 +14,6 @@ use crate::organ::render::{
     ExtractedOrgans, GpuOrganModel, OrganGloss, OrganLayer, OrganLayouts, OrganPart, layer_shader,
 };
 use crate::render::{LightUniform, MAX_SCOPE_LIGHTS, SceneLights, Uploads, strongest_lights};
-use bevy::ecs::change_detection::Tick;
 use bevy::math::Affine3A;
 use bevy::prelude::*;
 use bevy::render::camera::ExtractedCamera;
@@ -146,25 +145,6 @@ struct RowBlock {
     ring_radius_m: f32,
     roughness_rad: f32,
     slices: DistanceSlices,
-}
-
-/// The vertices of organs with what surrounds them, kept between frames.
-#[derive(Resource, Default)]
-pub(super) struct HighlightSurroundings(BTreeMap<MainEntity, (Tick, Vec<Around>)>);
-
-impl HighlightSurroundings {
-    pub fn revision(&self, organ: MainEntity) -> Option<Tick> {
-        self.0.get(&organ).map(|(revision, _)| *revision)
-    }
-}
-
-pub(super) fn keep_surroundings(mut known: ResMut<HighlightSurroundings>, mut extracted: ResMut<ExtractedHighlights>) {
-    known.0.retain(|entity, _| extracted.organs.binary_search_by_key(entity, |organ| organ.entity).is_ok());
-    for organ in &mut extracted.organs {
-        if let Some(surroundings) = organ.surroundings.take() {
-            known.0.insert(organ.entity, (organ.revision, surroundings));
-        }
-    }
 }
 
 struct OrganInView {

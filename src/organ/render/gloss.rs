@@ -1,13 +1,11 @@
 //! How wet or dull organs are, texel by texel: written by the layer that knows, read by layers that reflect.
 
+use crate::organ::surface::NEUTRAL_GLOSS;
 use bevy::prelude::*;
 use bevy::render::render_resource::*;
 use bevy::render::renderer::{RenderDevice, RenderQueue};
 use bevy::render::sync_world::MainEntity;
 use std::collections::BTreeMap;
-
-/// Value of a texel that is neither wetter nor duller than the skin.
-pub const NEUTRAL_GLOSS: u8 = 128;
 
 /// A gloss map for each organ that has one (render world).
 ///

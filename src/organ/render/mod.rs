@@ -9,7 +9,7 @@ mod layer;
 mod prepare;
 
 pub use extract::{ExtractedOrgan, ExtractedOrgans, PrimaryVertex};
-pub use gloss::{NEUTRAL_GLOSS, OrganGloss};
+pub use gloss::OrganGloss;
 pub use layer::{OrganDraw, OrganLayer, OrganLayerPipelines, OrganLayerView, OrganPart, prepare_layer_pipelines};
 pub(crate) use prepare::layer_shader;
 pub use prepare::{

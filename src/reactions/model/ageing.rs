@@ -1,11 +1,11 @@
 //! Sprites give their heat, age and end.
 
+use super::show::stroke;
 use super::{MAX_RADIUS_M, ReactionModel, StepContext};
+use crate::organ::surface::NEUTRAL_GLOSS;
 use crate::reactions::burn::Cautery;
 use crate::reactions::footprint::Footprint;
-use crate::reactions::kind::KindId;
-use crate::reactions::kind::{Ageing, ReactionKind, SpriteFate};
-use crate::reactions::paint::{DRY_GLOSS, Stroke};
+use crate::reactions::kind::{Ageing, KindId, ReactionKind, SpriteFate};
 use crate::reactions::settings::ReactionFault;
 use crate::reactions::snake::{Snake, Sprite};
 
@@ -122,15 +122,8 @@ impl ReactionModel {
         };
         let mut look = kind.look(sprite);
         // What stays has dried.
-        look.gloss = look.gloss.min(DRY_GLOSS);
-        let stroke = Stroke {
-            footprint,
-            radius_m: sprite.radius_m,
-            profile,
-            colour: look.colour,
-            gloss: look.gloss,
-            opacity: f32::from(look.opacity) / 255.0,
-        };
+        look.gloss = look.gloss.min(NEUTRAL_GLOSS);
+        let stroke = stroke(footprint, sprite.radius_m, profile, look);
         self.stains.bake(&stroke);
         self.permanent.bake(&stroke);
         self.tally.baked_sprites += 1;

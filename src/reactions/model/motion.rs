@@ -33,6 +33,9 @@ impl Sprite {
 
 impl ReactionModel {
     pub(super) fn move_heads(&mut self, context: &StepContext) {
+        if self.snakes.is_empty() {
+            return;
+        }
         // Drops in a hollow organ run on the side that is seen: their normals point inward.
         let turned: Vec<Vec3> = if context.is_inside {
             context.surface.normals.iter().map(|&normal| -normal).collect()
@@ -68,8 +71,8 @@ impl ReactionModel {
     fn move_head(&mut self, context: &StepContext, ground: &Surface, snake: &mut Snake) {
         let Some(kind) = context.kinds.get(snake.kind).filter(|_| snake.is_active) else { return };
         let Some(sprite) = snake.sprites.front() else { return };
-        let mut head =
-            DropHead { point: sprite.point, velocity_m_per_s: snake.velocity_m_per_s, volume_m3: sprite.volume_m3 };
+        let place = sprite.point;
+        let mut head = DropHead { point: place, velocity_m_per_s: snake.velocity_m_per_s, volume_m3: sprite.volume_m3 };
         let motion = Motion {
             surface: ground,
             gravity_m_per_s2: context.gravity_m_per_s2,
@@ -99,7 +102,6 @@ impl ReactionModel {
             DropFate::Lost => {
                 self.tally.lost_m3 += head.volume_m3;
                 self.blame(ReactionFault::BrokenSurface);
-                let place = sprite_place(snake);
                 self.end_head(context, snake, place);
             }
         }
@@ -155,8 +157,4 @@ pub(super) fn become_film(context: &StepContext, snake: &mut Snake) {
             (sprite.volume_m3 + std::mem::take(&mut snake.shed_m3), sprite.painted, sprite.is_cancelled);
         *sprite = Sprite { volume_m3, painted, is_cancelled, ..kind.trail(sprite) };
     }
-}
-
-fn sprite_place(snake: &Snake) -> SurfacePoint {
-    snake.sprites.front().map(|sprite| sprite.point).unwrap_or_default()
 }

@@ -4,8 +4,8 @@
 use super::{ReactionModel, StepContext};
 use crate::reactions::burn::BurnLook;
 use crate::reactions::footprint::Footprint;
-use crate::reactions::kind::{ReactionKinds, RegisteredKind};
-use crate::reactions::paint::{Stroke, paint, restore};
+use crate::reactions::kind::{ReactionKinds, RegisteredKind, SpriteLook};
+use crate::reactions::paint::{Profile, Stroke, paint, restore};
 use crate::reactions::regions::group_snake;
 use crate::reactions::snake::{Painted, Snake};
 use crate::reactions::texels::{TILE_PX, TexelRect, TileMask};
@@ -133,6 +133,17 @@ impl ReactionModel {
     }
 }
 
+/// How a sprite that looks like this is painted.
+pub(super) fn stroke<'a>(
+    footprint: &'a Footprint,
+    radius_m: f32,
+    profile: &'a Profile,
+    look: SpriteLook,
+) -> Stroke<'a> {
+    let opacity = f32::from(look.opacity) / 255.0;
+    Stroke { footprint, radius_m, profile, colour: look.colour, gloss: look.gloss, opacity }
+}
+
 /// Every sprite as it is painted: kinds by their order, old snakes before young ones, tails before heads.
 fn strokes<'a>(snakes: &'a [Snake], kinds: &'a ReactionKinds) -> Vec<Stroke<'a>> {
     let mut order: Vec<(i32, usize)> =
@@ -146,14 +157,7 @@ fn strokes<'a>(snakes: &'a [Snake], kinds: &'a ReactionKinds) -> Vec<Stroke<'a>>
             if let (Some(footprint), Some(Painted { look, radius_m, .. })) = (&sprite.footprint, sprite.painted)
                 && look.opacity > 0
             {
-                strokes.push(Stroke {
-                    footprint,
-                    radius_m,
-                    profile: &registered.profile,
-                    colour: look.colour,
-                    gloss: look.gloss,
-                    opacity: f32::from(look.opacity) / 255.0,
-                });
+                strokes.push(stroke(footprint, radius_m, &registered.profile, look));
             }
         }
     }

@@ -6,7 +6,7 @@ use crate::organ::sphere::SurfacePoint;
 use crate::reactions::action::{ReactionAction, Wound};
 use crate::reactions::burn::Cautery;
 use crate::reactions::drops::walk;
-use crate::reactions::kind::{KindId, ReactionKinds};
+use crate::reactions::kind::{KindId, ReactionKind, ReactionKinds};
 use crate::reactions::settings::ReactionFault;
 use crate::reactions::snake::{Snake, Sprite};
 use std::collections::{BTreeMap, VecDeque};
@@ -44,6 +44,13 @@ impl ReactionModel {
             self.blame(ReactionFault::TooMany);
         }
         let touches = &touches[dropped..];
+        // Several touches of one electrode in a step share the step's time; bad ones have no part in it.
+        let mut burning: BTreeMap<u32, u32> = BTreeMap::new();
+        for touch in touches.iter().filter(|touch| matches!(touch.action, ReactionAction::Cauterize(_))) {
+            if context.surface.checked(touch.point).is_some() {
+                *burning.entry(touch.instrument).or_default() += 1;
+            }
+        }
         for touch in touches {
             let Some(point) = context.surface.checked(touch.point) else {
                 self.blame(ReactionFault::BadPlace);
@@ -58,13 +65,7 @@ impl ReactionModel {
                     self.press(context, touch.instrument, point, *pressure, *radius_m);
                 }
                 ReactionAction::Cauterize(cautery) => {
-                    // Several touches of one electrode in a step share the step's time; bad ones have no part in it.
-                    let is_same = |other: &&Touch| {
-                        other.instrument == touch.instrument
-                            && matches!(other.action, ReactionAction::Cauterize(_))
-                            && context.surface.checked(other.point).is_some()
-                    };
-                    let share = 1.0 / touches.iter().filter(is_same).count() as f64;
+                    let share = 1.0 / f64::from(burning.get(&touch.instrument).copied().unwrap_or(1));
                     self.cauterize(context, touch.instrument, point, cautery, share);
                 }
                 ReactionAction::Start { kind, radius_m, volume_m3 } => match context.kinds.get(*kind) {
@@ -86,9 +87,7 @@ impl ReactionModel {
     fn start_spot(&mut self, kinds: &ReactionKinds, kind: KindId, point: SurfacePoint, radius_m: f32) -> Option<u64> {
         let known = kinds.get(kind)?;
         let radius_m = self.sound_size(radius_m.into(), MAX_RADIUS_M)? as f32;
-        let mut head = Sprite { point, radius_m, full_radius_m: radius_m, opacity: 1.0, ..Sprite::default() };
-        known.begin(&mut head);
-        Some(self.add_snake(kind, head))
+        Some(self.add_snake(kind, new_head(known, point, radius_m, 0.0)))
     }
 
     pub(super) fn start_liquid(&mut self, context: &StepContext, kind: KindId, point: SurfacePoint, volume_m3: f64) {
@@ -97,11 +96,8 @@ impl ReactionModel {
         let drops = drops.tamed();
         let Some(volume_m3) = self.sound_size(volume_m3, drops.volume_m3(MAX_RADIUS_M)) else { return };
         let radius_m = drops.radius_m(volume_m3) as f32;
-        let mut head =
-            Sprite { point, radius_m, full_radius_m: radius_m, opacity: 1.0, volume_m3, ..Sprite::default() };
-        known.begin(&mut head);
         self.tally.bled_m3 += volume_m3;
-        self.add_snake(kind, head);
+        self.add_snake(kind, new_head(known, point, radius_m, volume_m3));
         if f64::from(radius_m) < SMALLEST_DROP_M
             && let Some(snake) = self.snakes.last_mut()
         {
@@ -150,23 +146,18 @@ impl ReactionModel {
         let Some(radius_m) = self.sound_size(radius_m.into(), MAX_RADIUS_M) else { return };
         let Some(pressure) = self.sound_size(pressure.into(), 1.0) else { return };
         let (radius_m, cause) = (radius_m as f32, pressure as f32);
+        let Some(whitening) = context.kinds.get(KindId::WHITENING) else { return };
         let kept = self.presses.get(&instrument);
         let kept = kept.and_then(|id| self.snakes.binary_search_by_key(id, |snake| snake.id).ok());
         let kept = kept.filter(|&place| self.snakes[place].kind == KindId::WHITENING);
         let snake = match kept {
             Some(place) => {
-                let spacing = context.kinds.get(KindId::WHITENING).map_or(0.4, |kind| kind.spacing());
                 let snake = &mut self.snakes[place];
                 let Some(head) = snake.sprites.front_mut() else { return };
                 let way_m = context.surface.position_m(head.point).distance(context.surface.position_m(point));
-                if !snake.is_active || way_m > f64::from(spacing * radius_m) {
+                if !snake.is_active || way_m > f64::from(whitening.spacing() * radius_m) {
                     // What is pressed no longer fades, what is pressed now begins.
-                    let mut next =
-                        Sprite { point, radius_m, full_radius_m: radius_m, opacity: 1.0, ..Sprite::default() };
-                    if let Some(kind) = context.kinds.get(KindId::WHITENING) {
-                        kind.begin(&mut next);
-                    }
-                    snake.sprites.push_front(next);
+                    snake.sprites.push_front(new_head(whitening, point, radius_m, 0.0));
                     snake.is_active = true;
                 } else {
                     head.full_radius_m = radius_m;
@@ -226,4 +217,11 @@ impl ReactionModel {
         }
         self.strokes.insert(instrument, Stroke { point, step: self.steps });
     }
+}
+
+/// The head of a snake that begins.
+fn new_head(kind: &dyn ReactionKind, point: SurfacePoint, radius_m: f32, volume_m3: f64) -> Sprite {
+    let mut head = Sprite { point, radius_m, full_radius_m: radius_m, opacity: 1.0, volume_m3, ..Sprite::default() };
+    kind.begin(&mut head);
+    head
 }

@@ -1,10 +1,8 @@
 //! The two maps: what is shown, and what stays.
 
 use super::super::texels::{MapSize, TILE_PX, TexelRect, TileMask};
+use crate::organ::surface::NEUTRAL_GLOSS;
 use bevy::reflect::Reflect;
-
-/// Gloss of the dry skin: nothing lies on it.
-pub const DRY_GLOSS: u8 = 128;
 
 /// Texels of a tile.
 const TILE_AREA: usize = (TILE_PX * TILE_PX) as usize;
@@ -24,7 +22,7 @@ impl ReactionMap {
     /// A transparent map with the gloss of dry skin. Sides that are not whole tiles lose the rest.
     pub fn new(size: MapSize) -> Self {
         let size = whole_tiles(size);
-        Self { size, colour: vec![[0; 4]; size.area()], gloss: vec![DRY_GLOSS; size.area()] }
+        Self { size, colour: vec![[0; 4]; size.area()], gloss: vec![NEUTRAL_GLOSS; size.area()] }
     }
 
     /// Size in texels.
@@ -61,7 +59,7 @@ pub(super) struct Tile {
 
 impl Tile {
     /// What a tile that is not there holds.
-    pub(super) const BLANK: Self = Self { colour: [[0; 4]; TILE_AREA], gloss: [DRY_GLOSS; TILE_AREA] };
+    pub(super) const BLANK: Self = Self { colour: [[0; 4]; TILE_AREA], gloss: [NEUTRAL_GLOSS; TILE_AREA] };
 }
 
 /// Permanent effects, in tiles of 32 x 32 texels: a tile without any takes no memory.
@@ -113,7 +111,7 @@ impl PermanentMap {
         let Some(slot) = self.slot(x, y) else { return };
         let [r, g, b, a] = colour;
         let colour = [r.min(a), g.min(a), b.min(a), a];
-        if self.tiles[slot].is_none() && colour == [0; 4] && gloss == DRY_GLOSS {
+        if self.tiles[slot].is_none() && colour == [0; 4] && gloss == NEUTRAL_GLOSS {
             return;
         }
         let tile = self.tiles[slot].get_or_insert_with(|| Box::new(Tile::BLANK));

@@ -13,10 +13,11 @@ mod portable;
 #[cfg(target_arch = "x86_64")]
 mod vectors;
 
-pub use maps::{DRY_GLOSS, PermanentMap, ReactionMap};
+pub use maps::{PermanentMap, ReactionMap};
 
 use super::footprint::Footprint;
 use super::texels::{MapSize, TILE_PX, TileMask};
+use crate::organ::surface::NEUTRAL_GLOSS;
 use bevy::reflect::Reflect;
 use brush::{Brush, PROFILE_STEPS, Rows, TABLE_LEN, opacity_bits};
 use rayon::prelude::*;
@@ -99,7 +100,7 @@ pub fn restore(map: &mut ReactionMap, permanent: &PermanentMap, mask: &TileMask)
                 }
                 None => {
                     colour.fill([0; 4]);
-                    gloss.fill(DRY_GLOSS);
+                    gloss.fill(NEUTRAL_GLOSS);
                 }
             }
         }

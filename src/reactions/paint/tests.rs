@@ -1,4 +1,5 @@
 use super::*;
+use crate::organ::surface::NEUTRAL_GLOSS;
 use glam::{Mat2, Vec2};
 use proptest::prelude::*;
 
@@ -130,9 +131,9 @@ fn permanent_maps_keep_what_is_set_and_baked() {
     let empty = permanent.bytes_in_use();
     permanent.set_texel(5, 70, [9, 200, 9, 100], 40);
     permanent.set_texel(500, 70, [1; 4], 1);
-    permanent.set_texel(100, 90, [0; 4], DRY_GLOSS);
+    permanent.set_texel(100, 90, [0; 4], NEUTRAL_GLOSS);
     assert_eq!(permanent.texel(5, 70), ([9, 100, 9, 100], 40), "no component is greater than alpha");
-    assert_eq!(permanent.texel(500, 70), ([0; 4], DRY_GLOSS));
+    assert_eq!(permanent.texel(500, 70), ([0; 4], NEUTRAL_GLOSS));
     assert_eq!(permanent.tiles_in_use(), 1);
     permanent.bake(&stroke);
     permanent.bake(&stroke);
@@ -142,7 +143,7 @@ fn permanent_maps_keep_what_is_set_and_baked() {
     let mut painted = ReactionMap::new(SIZE);
     paint(&mut painted, &full_mask(), &[stroke, stroke]);
     let mut restored = ReactionMap::new(SIZE);
-    permanent.set_texel(5, 70, [0; 4], DRY_GLOSS);
+    permanent.set_texel(5, 70, [0; 4], NEUTRAL_GLOSS);
     restore(&mut restored, &permanent, &full_mask());
     assert_eq!(painted, restored);
     permanent.clear();
@@ -165,7 +166,7 @@ fn maps_and_masks_of_other_sizes_do_no_harm() {
     let mut permanent = PermanentMap::new(odd);
     permanent.bake(&stroke);
     permanent.set_texel(99, 49, [255; 4], 0);
-    assert_eq!((permanent.tiles_in_use(), permanent.texel(99, 49)), (0, ([0; 4], DRY_GLOSS)));
+    assert_eq!((permanent.tiles_in_use(), permanent.texel(99, 49)), (0, ([0; 4], NEUTRAL_GLOSS)));
     permanent.set_texel(95, 31, [255; 4], 0);
     restore(&mut map, &permanent, &full_mask());
     assert_eq!(map.colour().iter().filter(|colour| colour[3] > 0).count(), 1);
