@@ -87,7 +87,11 @@ fn to_eye(position_world_m: vec3<f32>) -> vec3<f32> {
 
 // What a layer writes for a radiance in the world: exposed, and tonemapped where the camera does not do so later.
 fn to_target(radiance: vec3<f32>, opacity: f32) -> vec4<f32> {
-    let exposed = vec4(radiance * view.exposure, opacity);
+    return exposed_to_target(vec4(radiance * view.exposure, opacity));
+}
+
+// The same for what is exposed already.
+fn exposed_to_target(exposed: vec4<f32>) -> vec4<f32> {
 #ifdef TONEMAP_IN_SHADER
     return tone_mapping(exposed, view.color_grading);
 #else

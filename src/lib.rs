@@ -46,6 +46,7 @@ pub mod skin;
 pub mod testing;
 #[cfg(feature = "render")]
 pub mod view;
+pub mod volume;
 
 /// What a scene needs, in one import.
 pub mod prelude {
@@ -107,7 +108,8 @@ impl PluginGroup for SurgeryPlugins {
             .add(organ::OrganPlugin::default())
             .add(skin::SkinPlugin)
             .add(reactions::ReactionsPlugin)
-            .add(highlights::HighlightsPlugin);
+            .add(highlights::HighlightsPlugin)
+            .add(volume::VolumePlugin);
         #[cfg(feature = "render")]
         let group = group.add(view::SurgeryViewPlugin);
         group

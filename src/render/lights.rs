@@ -72,7 +72,7 @@ impl LightUniform {
 }
 
 /// The lights of one organ.
-#[derive(Clone, Copy, Debug, Default, ShaderType)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, ShaderType)]
 pub struct OrganLights {
     /// The lights in use come first.
     pub lights: [LightUniform; MAX_SCENE_LIGHTS + MAX_SCOPE_LIGHTS],

@@ -1,6 +1,7 @@
 //! What every pass shares: the embedded shaders, the order of the passes, the light list, the capability check.
 
 mod capability;
+mod depth;
 mod lights;
 mod passes;
 mod shaders;
@@ -12,7 +13,7 @@ pub(crate) use lights::ExtractSceneLights;
 pub use lights::{
     LightUniform, MAX_SCENE_LIGHTS, MAX_SCOPE_LIGHTS, OrganLights, SceneLight, SceneLights, strongest_lights,
 };
-pub use passes::OrganPasses;
+pub use passes::{OrganPasses, VolumePasses};
 pub use shaders::{EmbeddedShader, SHADERS, shader_path};
 pub(crate) use tonemapping::tonemapping_definitions;
 pub use uploads::Uploads;
@@ -30,6 +31,7 @@ impl Plugin for SurgeryRenderPlugin {
             return;
         }
         shaders::embed(app);
+        depth::build(app);
         passes::order(app);
         lights::build(app);
         uploads::build(app);

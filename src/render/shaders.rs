@@ -35,6 +35,14 @@ pub const SHADERS: &[EmbeddedShader] = &[
     shader!("reactions/reactions.wgsl", false),
     shader!("skin/skin.wgsl", false),
     shader!("view/mask.wgsl", false),
+    shader!("volume/composite.wgsl", false),
+    shader!("volume/field.wgsl", true),
+    shader!("volume/march.wgsl", false),
+    shader!("volume/resolve.wgsl", false),
+    shader!("volume/slices.wgsl", false),
+    shader!("volume/smooth.wgsl", false),
+    shader!("volume/volume.wgsl", true),
+    shader!("volume/wet.wgsl", false),
 ];
 
 /// The asset path of an embedded shader.

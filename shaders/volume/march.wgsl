@@ -1,0 +1,97 @@
+// Walks a ray per pixel through a volume. Software drivers execute both sides of a branch, and the body of a loop at
+// least once; what is to be skipped is therefore left by the end of a loop. CPU twin: `volume/software/march.rs`.
+
+#import bevy_surgery::volume::{NOTHING, covering_triangle, normal_of, ray_through, relative_depth, volume}
+#import bevy_surgery::volume_field::{sample_at, scene_depth_m}
+
+// How far from each block of 4^3 voxels the next one is that may show something, in blocks; 0 for such a block.
+@group(1) @binding(6) var blocks: texture_3d<u32>;
+
+const OPAQUE: f32 = 0.98;
+
+struct Buffers {
+    // Premultiplied, linear.
+    @location(0) colour: vec4<f32>,
+    // Unit normal in the world, relative depth.
+    @location(1) relief: vec4<f32>,
+    // Mean depth, depth where the ray ended; metres.
+    @location(2) depth_m: vec2<f32>,
+}
+
+@vertex
+fn vertex(@builtin(vertex_index) index: u32) -> @builtin(position) vec4<f32> {
+    return covering_triangle(index);
+}
+
+@fragment
+fn fragment(@builtin(position) at: vec4<f32>) -> Buffers {
+    let ray = ray_through(at.xy);
+    // Directions along an axis have no inverse: a step to the side that no picture shows.
+    let along = select(ray.along, vec3(1e-6), abs(ray.along) < vec3(1e-6));
+    let inverse = 1.0 / along;
+    let a = (volume.low - ray.origin) * inverse;
+    let b = (volume.high - ray.origin) * inverse;
+    let enter = min(a, b);
+    let leave = max(a, b);
+    var first_m = max(max(enter.x, enter.y), max(enter.z, volume.near_m));
+    var last_m = min(min(leave.x, leave.y), min(leave.z, scene_depth_m(at.xy)));
+    for (var plane = 0u; plane < volume.clip_plane_count; plane++) {
+        let p = volume.clip_planes[plane];
+        let start = dot(p, vec4(ray.origin, 1.0));
+        let slope = dot(p.xyz, along);
+        let cut_m = -start / slope;
+        first_m = select(first_m, max(first_m, cut_m), slope > 0.0);
+        last_m = select(last_m, min(last_m, cut_m), slope < 0.0);
+        last_m = select(last_m, -1.0, slope == 0.0 && start < 0.0);
+    }
+    var k = ceil(first_m / volume.step_m);
+    let last = min(floor(last_m / volume.step_m), k + 8192.0);
+    var colour = vec3(0.0);
+    var opacity = 0.0;
+    var gradient = vec3(0.0);
+    var depth = 0.0;
+    var is_done = k > last;
+    loop {
+        // To the next block that may show something.
+        var leave_m = 0.0;
+        loop {
+            let voxel = ray.origin + along * (k * volume.step_m);
+            let block = floor((voxel + 0.5) * 0.25);
+            let distance = f32(textureLoad(blocks, vec3<i32>(block), 0).r);
+            let reach = max(distance - 1.0, 0.0);
+            let exit = select(block - reach, block + reach + 1.0, along > vec3(0.0)) * 4.0 - 0.5;
+            let exits_m = (exit - ray.origin) * inverse;
+            leave_m = min(exits_m.x, min(exits_m.y, exits_m.z));
+            k = select(k, max(k + 1.0, ceil(leave_m / volume.step_m)), distance > 0.0);
+            continuing {
+                break if distance == 0.0 || k > last;
+            }
+        }
+        // Through that block.
+        let block_last = min(leave_m / volume.step_m, last);
+        loop {
+            let sample = sample_at(ray.origin + along * (k * volume.step_m));
+            let weight = select((1.0 - opacity) * sample.opacity, 0.0, k > last);
+            colour += weight * sample.colour;
+            gradient += weight * sample.gradient;
+            depth += weight * k;
+            opacity += weight;
+            k += 1.0;
+            continuing {
+                break if opacity > OPAQUE || k > block_last;
+            }
+        }
+        is_done = opacity > OPAQUE || k > last;
+        continuing {
+            break if is_done;
+        }
+    }
+    let end_m = min(k, last) * volume.step_m;
+    let mean_m = depth * volume.step_m / max(opacity, 1e-6);
+    let is_empty = opacity < 1.0 / 512.0;
+    return Buffers(
+        vec4(colour, opacity),
+        select(vec4(normal_of(gradient, ray), relative_depth(mean_m)), vec4(0.0, 0.0, 0.0, NOTHING), is_empty),
+        vec2(mean_m, end_m),
+    );
+}

@@ -1,0 +1,43 @@
+// Draws a volume as slices, back to front, blended over one another (paper of 2009, section 5). Spaces: world, voxel.
+// CPU twin: `volume/software/slices.rs`.
+
+#import bevy_surgery::volume::{normal_of, ray_through, relative_depth, volume, NOTHING, covering_triangle}
+#import bevy_surgery::volume_field::{sample_at, scene_depth_m}
+#import bevy_render::view::View
+
+@group(0) @binding(0) var<uniform> view: View;
+
+struct Varying {
+    @builtin(position) clip: vec4<f32>,
+    // Number of the slice, counted from the eye.
+    @location(0) @interpolate(flat) k: f32,
+}
+
+struct Blended {
+    @location(0) colour: vec4<f32>,
+    @location(1) gradient: vec4<f32>,
+    // Only the first component is kept; the last one is what blending goes by.
+    @location(2) depth: vec4<f32>,
+}
+
+@vertex
+fn vertex(@location(0) corner: vec4<f32>) -> Varying {
+    var clip = view.clip_from_world * vec4(corner.xyz, 1.0);
+    // Hidden by the scene's depth below, and never by the near plane.
+    clip.z = 0.5 * clip.w;
+    return Varying(clip, corner.w);
+}
+
+@fragment
+fn fragment(in: Varying) -> Blended {
+    let pixel = in.clip.xy - volume.viewport.xy;
+    let depth_m = in.k * volume.step_m;
+    let ray = ray_through(pixel);
+    let sample = sample_at(ray.origin + ray.along * depth_m);
+    let opacity = select(sample.opacity, 0.0, depth_m > scene_depth_m(pixel));
+    return Blended(
+        vec4(opacity * sample.colour, opacity),
+        vec4(opacity * sample.gradient, opacity),
+        vec4(opacity * in.k, 0.0, 0.0, opacity),
+    );
+}

@@ -1,0 +1,133 @@
+//! Volumes as Bevy assets, and volumes of the file system.
+
+use super::error::VolumeError;
+use super::load::{VolumeLoadOptions, load_path, parse_with};
+use super::structures::Structures;
+use super::{CtVolume, Volume};
+use bevy::asset::io::Reader;
+use bevy::asset::{AssetLoader, AssetPath, LoadContext};
+use bevy::prelude::*;
+use bevy::reflect::TypePath;
+use bevy::tasks::{AsyncComputeTaskPool, Task, block_on, poll_once};
+use std::collections::BTreeMap;
+use std::path::PathBuf;
+use std::time::Instant;
+use tracing::{error, info};
+
+/// Loads a [`Volume`] from NRRD, NIfTI, MetaImage or a single DICOM file, with the structures that
+/// [`Structures::for_volume`] finds in it. Folders of slices are read by [`LoadVolume`].
+#[derive(TypePath, Default)]
+pub struct VolumeLoader;
+
+impl AssetLoader for VolumeLoader {
+    type Asset = Volume;
+    type Settings = VolumeLoadOptions;
+    type Error = VolumeError;
+
+    async fn load(
+        &self,
+        reader: &mut dyn Reader,
+        options: &VolumeLoadOptions,
+        context: &mut LoadContext<'_>,
+    ) -> Result<Volume, VolumeError> {
+        let path = context.path().clone();
+        let file = path.to_string();
+        let mut bytes = Vec::new();
+        let unreadable = |reason: String| VolumeError::new(&*file, super::error::VolumeFault::Unreadable { reason });
+        reader.read_to_end(&mut bytes).await.map_err(|error| unreadable(error.to_string()))?;
+        // A header may name the files with its voxels only inside: read, look what it asks for, fetch, read again.
+        let mut siblings: BTreeMap<String, Result<Vec<u8>, String>> = BTreeMap::new();
+        loop {
+            let mut asked = None;
+            let parsed = parse_with(&bytes, &file, options, &mut |name| match siblings.get(name) {
+                Some(fetched) => fetched.clone(),
+                None => {
+                    asked.get_or_insert_with(|| name.to_string());
+                    Err("is being fetched".into())
+                }
+            });
+            let Some(name) = asked else { return parsed.and_then(|(volume, _)| structured(volume, &file)) };
+            let fetched = fetch(context, &path, &name).await;
+            siblings.insert(name, fetched);
+        }
+    }
+
+    fn extensions(&self) -> &[&str] {
+        &["nrrd", "nhdr", "nii", "nii.gz", "hdr", "mhd", "mha", "dcm"]
+    }
+}
+
+async fn fetch(context: &mut LoadContext<'_>, beside: &AssetPath<'static>, name: &str) -> Result<Vec<u8>, String> {
+    let path = beside.resolve_embed_str(name).map_err(|error| error.to_string())?;
+    context.read_asset_bytes(path).await.map_err(|error| error.to_string())
+}
+
+fn structured(volume: Volume, file: &str) -> Result<Volume, VolumeError> {
+    let named = |fault| VolumeError::new(file, fault);
+    let structures = Structures::for_volume(&volume).map_err(named)?;
+    volume.with_structures(structures).map_err(named)
+}
+
+/// Loads a volume from a path of the file system, off the main thread: a file of any format, or a folder that holds a DICOM
+/// series or a stack of pictures. Becomes a [`CtVolume`] on the same entity, or a [`VolumeLoadFailed`].
+#[derive(Component, Clone, Debug, Default, PartialEq, Reflect)]
+#[reflect(Component, Default, Clone)]
+pub struct LoadVolume {
+    /// The file or folder.
+    pub path: PathBuf,
+    /// What to read from it.
+    pub options: VolumeLoadOptions,
+}
+
+/// A [`LoadVolume`] came to nothing.
+#[derive(Component, Clone, Debug, PartialEq, Reflect)]
+#[reflect(Component, Clone)]
+pub struct VolumeLoadFailed(pub VolumeError);
+
+#[derive(Component)]
+struct Loading(Task<Result<Volume, VolumeError>>);
+
+pub(super) fn build(app: &mut App) {
+    app.init_asset::<Volume>()
+        .register_asset_reflect::<Volume>()
+        .register_type::<VolumeLoadOptions>()
+        .register_type::<LoadVolume>()
+        .register_type::<VolumeLoadFailed>()
+        .register_asset_loader(VolumeLoader)
+        .add_systems(PreUpdate, (begin_loading, finish_loading).chain().before(super::PrepareCuts));
+}
+
+fn begin_loading(mut commands: Commands, wanted: Query<(Entity, &LoadVolume), Changed<LoadVolume>>) {
+    for (entity, LoadVolume { path, options }) in &wanted {
+        let (path, options) = (path.clone(), options.clone());
+        let task = AsyncComputeTaskPool::get().spawn(async move {
+            let started = Instant::now();
+            let (volume, report) = load_path(&path, &options)?;
+            let file = path.display().to_string();
+            let volume = structured(volume, &file)?;
+            let (size, seconds) = (volume.grid().size, started.elapsed().as_secs_f32());
+            info!("{file}: {size} voxels after {seconds:.2} s; {report:?}");
+            Ok(volume)
+        });
+        commands.entity(entity).remove::<VolumeLoadFailed>().insert(Loading(task));
+    }
+}
+
+fn finish_loading(
+    mut commands: Commands,
+    mut loading: Query<(Entity, &mut Loading)>,
+    mut volumes: ResMut<Assets<Volume>>,
+) {
+    for (entity, mut task) in &mut loading {
+        let Some(loaded) = block_on(poll_once(&mut task.0)) else { continue };
+        let mut entity = commands.entity(entity);
+        entity.remove::<(Loading, LoadVolume)>();
+        match loaded {
+            Ok(volume) => entity.insert(CtVolume(volumes.add(volume))),
+            Err(reason) => {
+                error!("{reason}");
+                entity.insert(VolumeLoadFailed(reason))
+            }
+        };
+    }
+}

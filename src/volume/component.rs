@@ -1,0 +1,41 @@
+//! A volume in the world.
+
+use super::transfer::TransferFunction;
+use super::{CutVolume, RemovedTissue, Volume, VolumeLook};
+use bevy::prelude::*;
+
+/// Shows a [`Volume`] at the entity's transform: its middle at the origin, in metres.
+///
+/// A [`CutVolume`] is added once the volume is loaded, and a [`TransferFunction`] that suits it where there is none.
+#[derive(Component, Clone, Debug, Default, PartialEq, Reflect)]
+#[reflect(Component, Default, Clone)]
+#[require(Transform, VolumeLook)]
+#[cfg_attr(feature = "render", require(Visibility))]
+pub struct CtVolume(pub Handle<Volume>);
+
+/// In `PreUpdate`: volumes that have arrived get their [`CutVolume`].
+#[derive(SystemSet, Debug, Clone, Copy, PartialEq, Eq, Hash)]
+pub struct PrepareCuts;
+
+pub(super) fn build(app: &mut App) {
+    app.register_type::<CtVolume>()
+        .register_type::<VolumeLook>()
+        .add_systems(PreUpdate, begin_cuts.in_set(PrepareCuts));
+}
+
+/// Gives volumes that have arrived an untouched cut, and again when the volume was exchanged.
+fn begin_cuts(
+    mut commands: Commands,
+    volumes: Res<Assets<Volume>>,
+    bodies: Query<(Entity, Ref<CtVolume>, Option<&CutVolume>, Has<TransferFunction>)>,
+) {
+    for (entity, body, cut, has_transfer) in &bodies {
+        let Some(volume) = volumes.get(&body.0) else { continue };
+        if cut.is_none_or(|cut| cut.size() != volume.grid().size) {
+            commands.entity(entity).insert((CutVolume::new(volume.grid().size), RemovedTissue::default()));
+        }
+        if !has_transfer {
+            commands.entity(entity).insert(TransferFunction::for_volume(volume));
+        }
+    }
+}

@@ -1,0 +1,118 @@
+//! Data files beside a header: which may be read, and under which names.
+
+use super::malformed;
+use super::text::whole;
+use crate::volume::error::{VolumeFault, excerpt};
+
+/// Gives out the bytes of a file beside the header, or says why not.
+pub(super) type Fetch<'a> = &'a mut dyn FnMut(&str) -> Result<Vec<u8>, String>;
+
+/// Most files that one volume is spread over: one per slice, several times over.
+const MAX_FILES: u64 = 1 << 14;
+
+/// Fetches a file that a header names.
+pub(super) fn fetch_named(named: &str, fetch: &mut dyn FnMut(&str) -> Result<Vec<u8>, String>) -> Result<Vec<u8>, VolumeFault> {
+    let path = inside(named)?;
+    fetch(&path).map_err(|reason| VolumeFault::MissingFile { path: excerpt(named), reason: excerpt(&reason) })
+}
+
+/// The path below the header's folder that a name means. Nothing else is ever read: a header is data, and must not
+/// choose freely among the files of whoever opens it.
+fn inside(named: &str) -> Result<String, VolumeFault> {
+    let forbidden = || VolumeFault::ForbiddenPath { path: excerpt(named) };
+    // Headers written on Windows separate by backslashes. A colon begins a drive, a scheme or an alternate stream.
+    if named.contains(|c: char| c == ':' || c.is_control()) || named.starts_with(['/', '\\', '~']) {
+        return Err(forbidden());
+    }
+    let parts: Vec<&str> = named.split(['/', '\\']).filter(|part| !matches!(*part, "" | ".")).collect();
+    if parts.iter().any(|part| part.trim_end_matches([' ', '.']).is_empty()) {
+        return Err(forbidden());
+    }
+    match parts.is_empty() {
+        true => Err(VolumeFault::MissingFile { path: excerpt(named), reason: "no file is named".into() }),
+        false => Ok(parts.join("/")),
+    }
+}
+
+/// The names that a printf pattern stands for: `name%03d.raw first last step`.
+pub(super) fn pattern_names(field: &str, value: &str) -> Result<Vec<String>, VolumeFault> {
+    let mut words: Vec<&str> = value.split_whitespace().collect();
+    if words.len() < 4 {
+        return Err(malformed(field, format!("`{}` needs the first, last and step number", excerpt(value))));
+    }
+    let numbers = words.split_off(words.len() - 3);
+    let pattern = words.join(" ");
+    let mut ends = [0_i64; 3];
+    for (end, number) in ends.iter_mut().zip(&numbers) {
+        *end = whole(field, number)?;
+    }
+    let [first, last, step] = ends;
+    let bad = |reason: String| Err(malformed(field, format!("`{}` {reason}", excerpt(value))));
+    if step == 0 || (step > 0) != (last >= first) && last != first {
+        return bad("never comes to its last number".into());
+    }
+    let count = last.abs_diff(first) / step.unsigned_abs() + 1;
+    if count > MAX_FILES {
+        return bad(format!("stands for {count} files; at most {MAX_FILES} are read"));
+    }
+    let Some((before, after, width, fill)) = conversion(&pattern) else {
+        return bad("needs one number conversion such as `%03d`".into());
+    };
+    let name = |at: u64| {
+        let number = first as i128 + i128::from(step) * i128::from(at);
+        match fill {
+            '0' => format!("{before}{number:0width$}{after}"),
+            _ => format!("{before}{number:width$}{after}"),
+        }
+    };
+    Ok((0..count).map(name).collect())
+}
+
+/// The pieces of a pattern with one `%d`: what stands before and after it, its width and what fills it.
+fn conversion(pattern: &str) -> Option<(&str, &str, usize, char)> {
+    let (before, rest) = pattern.split_once('%')?;
+    let end = rest.find(|c: char| !c.is_ascii_digit())?;
+    let (digits, after) = (&rest[..end], rest[end..].strip_prefix(['d', 'i', 'u'])?);
+    let fill = if digits.starts_with('0') { '0' } else { ' ' };
+    let width = if digits.is_empty() { 0 } else { digits.parse().ok().filter(|width| *width <= 20)? };
+    (!after.contains('%')).then_some((before, after, width, fill))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn only_names_below_the_folder_are_read() {
+        for (named, path) in [
+            ("a.raw", "a.raw"),
+            ("./a.raw", "a.raw"),
+            ("./././deep//a b.raw", "deep/a b.raw"),
+            (r"deep\a.raw", "deep/a.raw"),
+            ("...a..b", "...a..b"),
+        ] {
+            assert_eq!(inside(named), Ok(path.into()));
+        }
+        for named in [
+            "../a.raw", "deep/../../a", r"..\a", "/etc/passwd", r"\\host\share", r"C:\a", "c:a", "http://host/a", "~/a", "a/..",
+            "a/.. /b", "a\0b", "file:a",
+        ] {
+            assert!(matches!(inside(named), Err(VolumeFault::ForbiddenPath { .. })), "{named}");
+        }
+        for named in ["", ".", "./"] {
+            assert!(matches!(inside(named), Err(VolumeFault::MissingFile { .. })), "{named}");
+        }
+    }
+
+    #[test]
+    fn patterns_count_up_and_down() {
+        let names = |value| pattern_names("data file", value);
+        assert_eq!(names("s%02d.raw 8 12 2").unwrap(), ["s08.raw", "s10.raw", "s12.raw"]);
+        assert_eq!(names("a b%d 2 1 -1").unwrap(), ["a b2", "a b1"]);
+        assert_eq!(names("%3d 5 5 1").unwrap(), ["  5"]);
+        for value in ["s%d 1 9", "s%d 9 1 1", "s%d 1 9 0", "s 1 2 1", "%s 1 2 1", "%d%d 1 2 1", "%99d 1 2 1", "%d 0 99999999 1"] {
+            assert!(matches!(names(value), Err(VolumeFault::Malformed { .. })), "{value}");
+        }
+        assert!(names(&format!("%d {} {} 1", i64::MIN, i64::MAX)).is_err());
+    }
+}

@@ -1,0 +1,222 @@
+//! What the render world takes of volumes each frame.
+
+use super::gpu::VolumeTextures;
+use super::shown::{ShownVolume, all_blocks};
+use super::texels::{field_format, field_texels, gradient_texels};
+use crate::render::finite_within;
+use crate::volume::transfer::ColourSource;
+use crate::volume::transfer::colours;
+use crate::volume::{CtVolume, CutVolume, MAX_CLIP_PLANES, Volume, VolumeLook, VoxelBox};
+use bevy::camera::primitives::Aabb;
+use bevy::camera::visibility::RenderLayers;
+use bevy::prelude::*;
+use bevy::render::Extract;
+use bevy::render::render_resource::TextureFormat;
+use bevy::render::sync_world::MainEntity;
+
+/// A volume of this frame.
+pub(super) struct ExtractedVolume {
+    pub entity: MainEntity,
+    pub size: UVec3,
+    pub world_from_voxel: Mat4,
+    pub centre_world_m: Vec3,
+    /// Voxel-space half spaces.
+    pub clip_planes: Vec<Vec4>,
+    pub look: VolumeLook,
+    pub layers: RenderLayers,
+    /// What can be seen at all, voxel coordinates.
+    pub bounds: (Vec3, Vec3),
+    pub own_colours: bool,
+    pub revision: u64,
+    /// Whether this revision changed more than the voxels in `cut`.
+    pub is_all_new: bool,
+    /// Voxels whose picture this revision changed.
+    pub cut: Vec<VoxelBox>,
+    /// Whether `uploads` holds all of it, so that its textures are made anew.
+    pub is_whole: bool,
+    pub uploads: Vec<TexelUpload>,
+}
+
+/// Which texture texels are for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum TexelKind {
+    Field(TextureFormat),
+    Gradients,
+    Colours,
+    Blocks,
+    Table,
+}
+
+/// Texels on their way to the GPU.
+pub(super) struct TexelUpload {
+    pub kind: TexelKind,
+    pub of: VoxelBox,
+    pub texels: Vec<u8>,
+}
+
+/// Every volume of this frame, in order of their entities.
+#[derive(Resource, Default)]
+pub(super) struct ExtractedVolumes(pub Vec<ExtractedVolume>);
+
+impl ExtractedVolumes {
+    pub fn get(&self, entity: MainEntity) -> Option<&ExtractedVolume> {
+        self.0.binary_search_by_key(&entity, |volume| volume.entity).ok().map(|place| &self.0[place])
+    }
+}
+
+type Shown = (
+    Entity,
+    &'static CtVolume,
+    &'static CutVolume,
+    &'static VolumeLook,
+    &'static ShownVolume,
+    &'static GlobalTransform,
+    Option<&'static RenderLayers>,
+);
+
+pub(super) fn extract_volumes(
+    mut extracted: ResMut<ExtractedVolumes>,
+    textures: Res<VolumeTextures>,
+    shown: Extract<Query<Shown>>,
+    volumes: Extract<Res<Assets<Volume>>>,
+) {
+    extracted.0.clear();
+    for (entity, source, cut, look, shown, transform, layers) in shown.iter() {
+        let entity = MainEntity::from(entity);
+        let Some(volume) = volumes.get(&source.0) else { continue };
+        let grid = volume.grid();
+        let world_from_volume = transform.affine();
+        let world_from_voxel = Mat4::from(world_from_volume * grid.volume_from_voxel());
+        // A transform that is flat or not finite shows nothing.
+        if !(world_from_voxel.is_finite() && world_from_voxel.determinant() != 0.0) {
+            continue;
+        }
+        let known = textures.revision(entity);
+        let is_whole = known != Some(shown.revision) && known != Some(shown.revision.wrapping_sub(1));
+        let is_next = known == Some(shown.revision.wrapping_sub(1));
+        extracted.0.push(ExtractedVolume {
+            entity,
+            size: grid.size,
+            world_from_voxel,
+            centre_world_m: transform.translation(),
+            clip_planes: voxel_planes(look, grid.volume_from_voxel().into()),
+            look: sane(look),
+            layers: layers.cloned().unwrap_or_default(),
+            bounds: shown.bounds,
+            own_colours: shown.colours == ColourSource::Voxels,
+            revision: shown.revision,
+            is_all_new: is_whole || (is_next && shown.changes.table),
+            cut: if is_next { shown.changes.voxels.clone() } else { Vec::new() },
+            is_whole,
+            uploads: if is_whole {
+                all_texels(volume, cut, shown)
+            } else if is_next {
+                changed_texels(volume, cut, shown, textures.get(entity).is_some_and(|gpu| gpu.colours.is_some()))
+            } else {
+                Vec::new()
+            },
+        });
+    }
+    extracted.0.sort_by_key(|volume| volume.entity);
+}
+
+/// Everything that a volume has on the GPU.
+fn all_texels(volume: &Volume, cut: &CutVolume, shown: &ShownVolume) -> Vec<TexelUpload> {
+    let all = volume.grid().bounds();
+    let mut uploads = voxel_texels(volume, cut, all);
+    uploads.push(block_texels(shown, all_blocks(volume.grid().size)));
+    uploads.push(table_texels(shown));
+    uploads.extend(own_colours(volume, shown));
+    uploads
+}
+
+/// What the last revision changed.
+fn changed_texels(volume: &Volume, cut: &CutVolume, shown: &ShownVolume, has_colours: bool) -> Vec<TexelUpload> {
+    let mut uploads = Vec::new();
+    for &of in &shown.changes.voxels {
+        uploads.extend(voxel_texels(volume, cut, of));
+    }
+    uploads.extend(shown.changes.blocks.map(|of| block_texels(shown, of)));
+    if shown.changes.table {
+        uploads.push(table_texels(shown));
+        // A volume's own colours never change.
+        uploads.extend(own_colours(volume, shown).filter(|_| !has_colours));
+    }
+    uploads
+}
+
+/// The field of a box, and the gradients that take part in it.
+fn voxel_texels(volume: &Volume, cut: &CutVolume, of: VoxelBox) -> Vec<TexelUpload> {
+    let around = of.grown(1, volume.grid().size);
+    vec![
+        TexelUpload { kind: TexelKind::Field(field_format(volume)), of, texels: field_texels(volume, cut, of) },
+        TexelUpload { kind: TexelKind::Gradients, of: around, texels: gradient_texels(volume, cut, around) },
+    ]
+}
+
+fn own_colours(volume: &Volume, shown: &ShownVolume) -> Option<TexelUpload> {
+    (shown.colours == ColourSource::Voxels).then(|| TexelUpload {
+        kind: TexelKind::Colours,
+        of: volume.grid().bounds(),
+        texels: bytemuck::cast_slice(&colours(volume, volume.structures().map(|structures| &**structures))).to_vec(),
+    })
+}
+
+fn block_texels(shown: &ShownVolume, of: VoxelBox) -> TexelUpload {
+    let blocks = shown.distances.blocks();
+    let size = of.size();
+    let mut texels = Vec::with_capacity(of.count());
+    for z in of.min.z..of.max.z {
+        for y in of.min.y..of.max.y {
+            let first = ((z * blocks.y + y) * blocks.x + of.min.x) as usize;
+            texels.extend_from_slice(&shown.distances.distances()[first..first + size.x as usize]);
+        }
+    }
+    TexelUpload { kind: TexelKind::Blocks, of, texels }
+}
+
+fn table_texels(shown: &ShownVolume) -> TexelUpload {
+    let entries = shown.table.entries();
+    TexelUpload {
+        kind: TexelKind::Table,
+        of: VoxelBox { min: UVec3::ZERO, max: UVec3::new(entries.len() as u32, 1, 1) },
+        texels: bytemuck::cast_slice(entries).to_vec(),
+    }
+}
+
+/// Clip planes in voxel coordinates; planes without a direction are left out.
+fn voxel_planes(look: &VolumeLook, volume_from_voxel: Mat4) -> Vec<Vec4> {
+    // A plane is a row: it is carried by the matrix from the right.
+    let planes = look.clip_planes.iter().map(|plane| volume_from_voxel.transpose() * *plane);
+    let has_direction = |plane: &Vec4| plane.is_finite() && plane.truncate().length_squared() > 0.0;
+    planes.filter(has_direction).take(MAX_CLIP_PLANES).collect()
+}
+
+/// The look with all of its numbers in range.
+fn sane(look: &VolumeLook) -> VolumeLook {
+    let default = VolumeLook::default().wet;
+    let mut sane = look.clone();
+    sane.step_voxels = look.sane_step_voxels();
+    sane.wet.passes = look.wet.passes.min(crate::volume::MAX_SMOOTHING_PASSES);
+    sane.wet.edge_voxels = finite_within(look.wet.edge_voxels, 0.1, 1e3, default.edge_voxels);
+    sane.wet.shine = finite_within(look.wet.shine, 0.0, 100.0, default.shine);
+    sane.wet.shine_exponent = finite_within(look.wet.shine_exponent, 1.0, 1e4, default.shine_exponent);
+    sane
+}
+
+/// Keeps the culling box around the grid.
+pub(super) fn bound_volumes(
+    mut commands: Commands,
+    volumes: Res<Assets<Volume>>,
+    shown: Query<(Entity, &CtVolume), Changed<CutVolume>>,
+    bounded: Query<&Aabb>,
+) {
+    for (entity, source) in &shown {
+        let Some(volume) = volumes.get(&source.0) else { continue };
+        let half: Vec3 = volume.grid().half_axes_m().iter().map(|axis| axis.abs()).sum();
+        let bounds = Aabb { center: Vec3::ZERO.into(), half_extents: half.into() };
+        if bounded.get(entity) != Ok(&bounds) {
+            commands.entity(entity).insert(bounds);
+        }
+    }
+}

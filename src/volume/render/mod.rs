@@ -1,0 +1,52 @@
+//! Volumes on the GPU: rays or slices into buffers of colour, normal and depth; normals smoothed; wet shading; the picture.
+//!
+//! Each view keeps its buffers of each volume. Rays are walked again only where the view, the volume or the opaque scene
+//! changed, so that an unchanged view costs one pass that puts the finished buffer into the picture.
+
+mod extract;
+mod gpu;
+mod pass;
+mod pipelines;
+mod scene;
+mod shown;
+mod slices;
+mod texels;
+mod uniform;
+mod views;
+
+use crate::organ::render::PrepareOrgans;
+use crate::render::VolumePasses;
+use crate::volume::CtVolume;
+use bevy::camera::visibility::{VisibilityClass, VisibilitySystems, add_visibility_class};
+use bevy::core_pipeline::schedule::Core3d;
+use bevy::prelude::*;
+use bevy::render::sync_world::SyncToRenderWorld;
+use bevy::render::{ExtractSchedule, GpuResourceAppExt, Render, RenderApp, RenderStartup, RenderSystems};
+
+pub(super) fn build(app: &mut App) {
+    if app.get_sub_app(RenderApp).is_none() {
+        return;
+    }
+    scene::build(app);
+    app.register_required_components::<CtVolume, VisibilityClass>();
+    app.register_required_components::<CtVolume, SyncToRenderWorld>();
+    app.world_mut().register_component_hooks::<CtVolume>().on_add(add_visibility_class::<CtVolume>);
+    app.add_systems(
+        PostUpdate,
+        (shown::follow_changes, extract::bound_volumes.before(VisibilitySystems::CheckVisibility)),
+    );
+    let Some(render_app) = app.get_sub_app_mut(RenderApp) else { return };
+    render_app
+        .init_resource::<extract::ExtractedVolumes>()
+        .init_gpu_resource::<gpu::VolumeTextures>()
+        .init_gpu_resource::<views::VolumeViews>()
+        .add_systems(RenderStartup, pipelines::init.after(PrepareOrgans))
+        .add_systems(ExtractSchedule, extract::extract_volumes)
+        .add_systems(
+            Render,
+            (gpu::write_textures, views::prepare_views)
+                .chain()
+                .in_set(RenderSystems::PrepareResources),
+        )
+        .add_systems(Core3d, pass::draw_volumes.in_set(VolumePasses));
+}

@@ -1,0 +1,279 @@
+//! Draws volumes into a view: walk, smooth, shade where something changed; then into the picture.
+
+use super::gpu::{GpuVolume, VolumeTextures};
+use super::pipelines::{PipelineKey, VolumePipelines};
+use super::views::{VolumeView, VolumeViews};
+use crate::organ::render::{OrganBindGroups, OrganPipelineKey, OrganSides};
+use bevy::core_pipeline::tonemapping::Tonemapping;
+use bevy::prelude::*;
+use bevy::render::camera::ExtractedCamera;
+use bevy::render::diagnostic::RecordDiagnostics;
+use bevy::render::render_resource::*;
+use bevy::render::renderer::{RenderContext, RenderDevice, ViewQuery};
+use bevy::render::view::{ExtractedView, ViewDepthTexture, ViewTarget, ViewUniformOffset};
+use super::views::grown;
+
+/// Opacity nothing, and a depth that no neighbour has ([`shaders/volume/volume.wgsl`]).
+const NOTHING: LinearRgba = LinearRgba { red: 0.0, green: 0.0, blue: 0.0, alpha: 60000.0 };
+
+type View = (
+    &'static ExtractedView,
+    &'static ExtractedCamera,
+    &'static ViewTarget,
+    &'static ViewDepthTexture,
+    &'static ViewUniformOffset,
+    &'static Msaa,
+    Option<&'static Tonemapping>,
+);
+
+struct Drawing<'a> {
+    pipelines: &'a VolumePipelines,
+    cache: &'a PipelineCache,
+    device: &'a RenderDevice,
+    view_group: &'a BindGroup,
+    view_offset: u32,
+    plane_group: &'a BindGroup,
+    volume: &'a VolumeView,
+}
+
+impl Drawing<'_> {
+    fn inputs<const N: usize>(&self, textures: [&TextureView; N]) -> BindGroup {
+        let entries: Vec<_> = textures
+            .iter()
+            .enumerate()
+            .map(|(binding, texture)| BindGroupEntry {
+                binding: binding as u32,
+                resource: BindingResource::TextureView(texture),
+            })
+            .collect();
+        let layout = self.cache.get_bind_group_layout(self.pipelines.inputs(N));
+        self.device.create_bind_group("volume_inputs", &layout, &entries)
+    }
+
+    /// A pass over some pixels of the volume's buffers.
+    #[expect(clippy::too_many_arguments, reason = "one call says all of a pass")]
+    fn pass(
+        &self,
+        ctx: &mut RenderContext,
+        label: &'static str,
+        key: PipelineKey,
+        into: &[(&TextureView, LinearRgba)],
+        clears: bool,
+        pixels: URect,
+        group_1: &BindGroup,
+        group_2: &BindGroup,
+        vertices: Option<&(Buffer, u32)>,
+    ) {
+        let Some(pipeline) = self.pipelines.get(self.cache, key) else { return };
+        let attachments: Vec<_> = into
+            .iter()
+            .map(|(view, clear)| {
+                let load = if clears { LoadOp::Clear((*clear).into()) } else { LoadOp::Load };
+                Some(RenderPassColorAttachment {
+                    view,
+                    depth_slice: None,
+                    resolve_target: None,
+                    ops: Operations { load, store: StoreOp::Store },
+                })
+            })
+            .collect();
+        let diagnostics = ctx.diagnostic_recorder();
+        let diagnostics = diagnostics.as_deref();
+        let mut pass = ctx.begin_tracked_render_pass(RenderPassDescriptor {
+            label: Some(label),
+            color_attachments: &attachments,
+            depth_stencil_attachment: None,
+            timestamp_writes: None,
+            occlusion_query_set: None,
+            multiview_mask: None,
+        });
+        let span = diagnostics.pass_span(&mut pass, label);
+        if !pixels.is_empty() {
+            pass.set_scissor_rect(pixels.min.x, pixels.min.y, pixels.width(), pixels.height());
+            pass.set_render_pipeline(pipeline);
+            pass.set_bind_group(0, self.view_group, &[self.view_offset]);
+            pass.set_bind_group(1, group_1, &[self.volume.offset]);
+            pass.set_bind_group(2, group_2, &[]);
+            match vertices {
+                Some((buffer, count)) => {
+                    pass.set_vertex_buffer(0, buffer.slice(..));
+                    pass.draw(0..*count, 0..1);
+                }
+                None => pass.draw(0..3, 0..1),
+            }
+        }
+        span.end(&mut pass);
+    }
+
+    fn walk(&self, ctx: &mut RenderContext, gpu: &GpuVolume, uniform: &BindingResource, scene: &ViewDepthTexture) {
+        let volume = self.volume;
+        let buffers = &volume.buffers;
+        let (multisampled, own_colours) = (volume.multisampled, volume.own_colours);
+        let walk_group = self.device.create_bind_group(
+            "volume_walk",
+            &self.cache.get_bind_group_layout(&self.pipelines.walk),
+            &BindGroupEntries::sequential((
+                uniform.clone(),
+                &gpu.field,
+                &gpu.gradients,
+                &self.pipelines.sampler,
+                &gpu.table,
+                // Not read where the table's colours are shown.
+                gpu.colours.as_ref().unwrap_or(&gpu.gradients),
+                &gpu.blocks,
+            )),
+        );
+        let scene_group = self.device.create_bind_group(
+            "volume_scene",
+            &self.cache.get_bind_group_layout(&self.pipelines.scene[usize::from(multisampled)]),
+            &BindGroupEntries::single(scene.view()),
+        );
+        let none = LinearRgba::NONE;
+        let (relief, depth) = ((&buffers.relief, NOTHING), (&buffers.depth, none));
+        match &buffers.sums {
+            None => {
+                let key = PipelineKey::March { multisampled, own_colours };
+                let into = [(&buffers.colour, none), relief, depth];
+                let pixels = volume.walk;
+                self.pass(ctx, "volume_march", key, &into, volume.is_all, pixels, &walk_group, &scene_group, None);
+            }
+            Some((gradients, depths)) => {
+                // Blending cannot be taken back: all slices are drawn again.
+                let key = PipelineKey::Slices { multisampled, own_colours };
+                let into = [(&buffers.colour, none), (gradients, none), (depths, none)];
+                let pixels = if volume.slices.is_some() { volume.seen } else { URect::EMPTY };
+                let slices = volume.slices.as_ref();
+                self.pass(ctx, "volume_slices", key, &into, true, pixels, &walk_group, &scene_group, slices);
+                let sums = self.inputs([&buffers.colour, gradients, depths]);
+                let into = [relief, depth];
+                self.pass(
+                    ctx,
+                    "volume_resolve",
+                    PipelineKey::Resolve,
+                    &into,
+                    true,
+                    volume.seen,
+                    self.plane_group,
+                    &sums,
+                    None,
+                );
+            }
+        }
+    }
+
+    /// Smooths the normals where they are shaded anew.
+    fn smooth(&self, ctx: &mut RenderContext) {
+        let buffers = &self.volume.buffers;
+        let passes = self.volume.passes;
+        let between = [&buffers.ping, &buffers.pong];
+        for k in 0..passes {
+            let from = if k == 0 { &buffers.relief } else { between[(k as usize + 1) % 2] };
+            // The last one has a texture of its own, which stays right where nothing is drawn anew.
+            let into = if k + 1 == passes { &buffers.smoothed } else { between[k as usize % 2] };
+            let group = self.inputs([from]);
+            let clears = self.volume.is_all;
+            self.pass(
+                ctx,
+                "volume_smooth",
+                PipelineKey::Smooth,
+                &[(into, NOTHING)],
+                clears,
+                self.volume.smoothed_by(k),
+                self.plane_group,
+                &group,
+                None,
+            );
+        }
+    }
+
+    fn shade(&self, ctx: &mut RenderContext) {
+        let buffers = &self.volume.buffers;
+        let smoothed = if self.volume.passes == 0 { &buffers.relief } else { &buffers.smoothed };
+        let group = self.inputs([&buffers.colour, &buffers.relief, smoothed, &buffers.depth]);
+        let size = URect { min: UVec2::ZERO, max: self.volume.viewport.size() };
+        let pixels = self.volume.shade.intersect(grown(self.volume.seen, 1, size));
+        self.pass(
+            ctx,
+            "volume_wet",
+            PipelineKey::Wet,
+            &[(&buffers.lit, LinearRgba::NONE)],
+            self.volume.is_all,
+            pixels,
+            self.plane_group,
+            &group,
+            None,
+        );
+    }
+
+    fn composite(&self, ctx: &mut RenderContext, target: &ViewTarget, depth: &ViewDepthTexture, into: OrganPipelineKey) {
+        let buffers = &self.volume.buffers;
+        let group = self.inputs([&buffers.lit, &buffers.depth]);
+        let diagnostics = ctx.diagnostic_recorder();
+        let diagnostics = diagnostics.as_deref();
+        let mut pass = ctx.begin_tracked_render_pass(RenderPassDescriptor {
+            label: Some("volume_composite"),
+            color_attachments: &[Some(target.get_color_attachment())],
+            depth_stencil_attachment: Some(depth.get_attachment(StoreOp::Store)),
+            timestamp_writes: None,
+            occlusion_query_set: None,
+            multiview_mask: None,
+        });
+        let span = diagnostics.pass_span(&mut pass, "volume_composite");
+        let (viewport, seen) = (self.volume.viewport, self.volume.seen);
+        let size = viewport.size().as_vec2();
+        pass.set_viewport(viewport.min.x as f32, viewport.min.y as f32, size.x, size.y, 0.0, 1.0);
+        let corner = viewport.min + seen.min;
+        if !seen.is_empty() {
+            pass.set_scissor_rect(corner.x, corner.y, seen.width(), seen.height());
+            for is_solid in [true, false] {
+                let key = PipelineKey::Composite { target: into, is_solid };
+                let Some(pipeline) = self.pipelines.get(self.cache, key) else { continue };
+                pass.set_render_pipeline(pipeline);
+                pass.set_bind_group(0, self.view_group, &[self.view_offset]);
+                pass.set_bind_group(1, self.plane_group, &[self.volume.offset]);
+                pass.set_bind_group(2, &group, &[]);
+                pass.draw(0..3, 0..1);
+            }
+        }
+        span.end(&mut pass);
+    }
+}
+
+pub(super) fn draw_volumes(
+    view: ViewQuery<View>,
+    pipelines: Res<VolumePipelines>,
+    cache: Res<PipelineCache>,
+    textures: Res<VolumeTextures>,
+    kept: Res<VolumeViews>,
+    groups: Res<OrganBindGroups>,
+    mut ctx: RenderContext,
+) {
+    let entity = view.entity();
+    let (extracted, camera, target, depth, offset, msaa, tonemapping) = view.into_inner();
+    let (Some(view_group), Some(uniform)) = (groups.view(entity), kept.uniforms.binding()) else { return };
+    let into = OrganPipelineKey::of_view(extracted, camera, msaa, tonemapping, OrganSides::default());
+    let device = ctx.render_device().clone();
+    for (volume_entity, volume) in kept.of_view(entity) {
+        let Some(gpu) = textures.get(volume_entity) else { continue };
+        let layout = cache.get_bind_group_layout(&pipelines.plane);
+        let plane_group =
+            device.create_bind_group("volume_plane", &layout, &BindGroupEntries::single(uniform.clone()));
+        let drawing = Drawing {
+            pipelines: &pipelines,
+            cache: &cache,
+            device: &device,
+            view_group,
+            view_offset: offset.offset,
+            plane_group: &plane_group,
+            volume,
+        };
+        if volume.is_all || !volume.walk.is_empty() {
+            drawing.walk(&mut ctx, gpu, &uniform, depth);
+        }
+        if !volume.shade.is_empty() {
+            drawing.smooth(&mut ctx);
+            drawing.shade(&mut ctx);
+        }
+        drawing.composite(&mut ctx, target, depth, into);
+    }
+}

@@ -1,0 +1,64 @@
+//! Where the opaque scene changed: there, and only there, rays of a volume may end elsewhere than in the last frame.
+
+use bevy::camera::primitives::Aabb;
+use bevy::camera::visibility::VisibilitySystems;
+use bevy::ecs::entity::EntityHashMap;
+use bevy::mesh::skinning::SkinnedMesh;
+use bevy::mesh::{Mesh, Mesh3d};
+use bevy::prelude::*;
+use bevy::render::extract_resource::{ExtractResource, ExtractResourcePlugin};
+
+/// What meshes did since the last frame.
+#[derive(Resource, Clone, Debug, Default, ExtractResource)]
+pub(super) struct SceneChanges {
+    /// Spheres around what moved, came or left, before and after: middle and radius in the world, metres.
+    pub spheres: Vec<(Vec3, f32)>,
+    /// Something changed whose place is not known.
+    pub everywhere: bool,
+}
+
+pub(super) fn build(app: &mut App) {
+    app.init_resource::<SceneChanges>()
+        .add_plugins(ExtractResourcePlugin::<SceneChanges>::default())
+        .add_systems(PostUpdate, note_changes.after(VisibilitySystems::VisibilityPropagate).after(TransformSystems::Propagate).after(VisibilitySystems::CalculateBounds));
+}
+
+type Placed = (Entity, &'static GlobalTransform, &'static InheritedVisibility, Option<&'static Aabb>);
+type Moved = Or<(
+    Changed<GlobalTransform>,
+    Changed<InheritedVisibility>,
+    Changed<Mesh3d>,
+    Changed<Aabb>,
+    // A skeleton moves its mesh without touching the entity.
+    With<SkinnedMesh>,
+)>;
+
+fn note_changes(
+    mut changes: ResMut<SceneChanges>,
+    mut before: Local<EntityHashMap<(Vec3, f32)>>,
+    moved: Query<Placed, (With<Mesh3d>, Moved)>,
+    mut removed: RemovedComponents<Mesh3d>,
+    mut meshes: MessageReader<AssetEvent<Mesh>>,
+) {
+    let mut spheres = Vec::new();
+    let mut everywhere = meshes.read().any(|event| matches!(event, AssetEvent::Modified { .. }));
+    for entity in removed.read() {
+        spheres.extend(before.remove(&entity));
+    }
+    for (entity, transform, visible, bounds) in &moved {
+        spheres.extend(before.remove(&entity));
+        if !visible.get() {
+            continue;
+        }
+        // Bounds come a frame after the mesh.
+        let Some(bounds) = bounds else {
+            everywhere = true;
+            continue;
+        };
+        let sphere = (transform.transform_point(bounds.center.into()), transform.radius_vec3a(bounds.half_extents));
+        before.insert(entity, sphere);
+        spheres.push(sphere);
+    }
+    // The order of the query does not matter: only a box around all of them is used.
+    *changes = SceneChanges { spheres, everywhere };
+}

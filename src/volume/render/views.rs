@@ -1,0 +1,401 @@
+//! What each view keeps of each volume, and what of it must be drawn anew.
+
+use super::extract::{ExtractedVolume, ExtractedVolumes};
+use super::scene::SceneChanges;
+use super::uniform::{Rays, VolumeUniform, depth_projection, near_m};
+use super::pipelines::VolumePipelines;
+use crate::organ::render::{OrganPipelineKey, OrganSides};
+use crate::render::{OrganLights, SceneLights, strongest_lights};
+use crate::view::ScopeMaskUniform;
+use crate::volume::{CtVolume, SmoothedNormals, VolumeLook, VolumeMethod};
+use bevy::core_pipeline::tonemapping::Tonemapping;
+use bevy::camera::{MainPassResolutionOverride, Viewport};
+use bevy::math::DMat4;
+use bevy::prelude::*;
+use bevy::render::camera::ExtractedCamera;
+use bevy::render::render_resource::*;
+use bevy::render::renderer::{RenderDevice, RenderQueue};
+use bevy::render::sync_world::MainEntity;
+use bevy::render::view::{ExtractedView, RenderVisibleEntities};
+use std::collections::BTreeMap;
+
+/// Formats of the buffers of a volume in a view.
+pub(super) const COLOUR_FORMAT: TextureFormat = TextureFormat::Rgba16Float;
+/// Unit normal in the world and relative depth.
+pub(super) const RELIEF_FORMAT: TextureFormat = TextureFormat::Rgba16Float;
+/// Mean depth and depth of the end of the ray, metres.
+pub(super) const DEPTH_FORMAT: TextureFormat = TextureFormat::Rg32Float;
+
+/// Sums over blended depths: in single precision where the adapter can blend it.
+pub(super) fn depth_sum_format(device: &RenderDevice) -> TextureFormat {
+    if device.features().contains(WgpuFeatures::FLOAT32_BLENDABLE) {
+        TextureFormat::R32Float
+    } else {
+        TextureFormat::R16Float
+    }
+}
+
+/// Everything that the walk through a volume depends on, but for what was cut and where the scene changed.
+#[derive(PartialEq)]
+struct WalkKey {
+    clip_from_view: Mat4,
+    world_from_view: Mat4,
+    world_from_voxel: Mat4,
+    viewport: URect,
+    samples: u32,
+    method: VolumeMethod,
+    step_voxels: f32,
+    clip_planes: Vec<Vec4>,
+    own_colours: bool,
+    mask: Option<ScopeMaskUniform>,
+}
+
+/// Everything that shading depends on beyond that.
+#[derive(PartialEq)]
+struct ShadeKey {
+    lights: OrganLights,
+    exposure: f32,
+    look: VolumeLook,
+}
+
+/// The buffers of a volume in a view.
+pub(super) struct VolumeView {
+    pub buffers: Buffers,
+    walk_key: Option<WalkKey>,
+    shade_key: Option<ShadeKey>,
+    /// Offset of its [`VolumeUniform`].
+    pub offset: u32,
+    /// Slices or rays, and where colours come from.
+    pub method: VolumeMethod,
+    pub own_colours: bool,
+    pub multisampled: bool,
+    pub viewport: URect,
+    /// Passes of smoothing.
+    pub passes: u32,
+    /// Where the volume can be seen, pixels of the viewport.
+    pub seen: URect,
+    /// Pixels to walk again; `is_all` if the buffers are cleared first.
+    pub walk: URect,
+    pub is_all: bool,
+    /// Pixels to shade again.
+    pub shade: URect,
+    /// Corners of the slices: position in the world, and number of the slice.
+    pub slices: Option<(Buffer, u32)>,
+    pub depth_m: f32,
+}
+
+/// Textures of a volume in a view.
+pub(super) struct Buffers {
+    size: UVec2,
+    pub colour: TextureView,
+    pub relief: TextureView,
+    pub ping: TextureView,
+    pub pong: TextureView,
+    pub smoothed: TextureView,
+    pub depth: TextureView,
+    pub lit: TextureView,
+    /// Sums of gradients and depths; slices only.
+    pub sums: Option<(TextureView, TextureView)>,
+}
+
+impl Buffers {
+    fn new(device: &RenderDevice, size: UVec2, method: VolumeMethod) -> Self {
+        let texture = |format| {
+            device
+                .create_texture(&TextureDescriptor {
+                    label: Some("volume_view"),
+                    size: Extent3d { width: size.x, height: size.y, depth_or_array_layers: 1 },
+                    mip_level_count: 1,
+                    sample_count: 1,
+                    dimension: TextureDimension::D2,
+                    format,
+                    usage: TextureUsages::TEXTURE_BINDING | TextureUsages::RENDER_ATTACHMENT,
+                    view_formats: &[],
+                })
+                .create_view(&default())
+        };
+        Self {
+            size,
+            colour: texture(COLOUR_FORMAT),
+            relief: texture(RELIEF_FORMAT),
+            ping: texture(RELIEF_FORMAT),
+            pong: texture(RELIEF_FORMAT),
+            smoothed: texture(RELIEF_FORMAT),
+            depth: texture(DEPTH_FORMAT),
+            lit: texture(COLOUR_FORMAT),
+            sums: (method == VolumeMethod::Slices)
+                .then(|| (texture(COLOUR_FORMAT), texture(depth_sum_format(device)))),
+        }
+    }
+}
+
+/// Buffers of all volumes in all views, kept between frames; views are entities of the render world.
+#[derive(Resource, Default)]
+pub(super) struct VolumeViews {
+    views: BTreeMap<Entity, BTreeMap<MainEntity, VolumeView>>,
+    pub uniforms: DynamicUniformBuffer<VolumeUniform>,
+}
+
+impl VolumeViews {
+    /// The volumes of a view, far ones first.
+    pub fn of_view(&self, view: Entity) -> Vec<(MainEntity, &VolumeView)> {
+        let own = self.views.get(&view).into_iter().flatten();
+        let mut volumes: Vec<_> = own.map(|(entity, volume)| (*entity, volume)).collect();
+        volumes.sort_by(|(_, a), (_, b)| b.depth_m.total_cmp(&a.depth_m));
+        volumes
+    }
+}
+
+type View = (
+    Entity,
+    &'static ExtractedView,
+    &'static ExtractedCamera,
+    &'static RenderVisibleEntities,
+    &'static Msaa,
+    Option<&'static Tonemapping>,
+    Option<&'static ScopeMaskUniform>,
+    Option<&'static MainPassResolutionOverride>,
+);
+
+pub(super) fn prepare_views(
+    mut kept: ResMut<VolumeViews>,
+    extracted: Res<ExtractedVolumes>,
+    changes: Res<SceneChanges>,
+    scene: Option<Res<SceneLights>>,
+    views: Query<View>,
+    mut pipelines: ResMut<VolumePipelines>,
+    cache: Res<PipelineCache>,
+    device: Res<RenderDevice>,
+    queue: Res<RenderQueue>,
+) {
+    let mut before = std::mem::take(&mut kept.views);
+    kept.uniforms.clear();
+    for (entity, view, camera, visible, msaa, tonemapping, mask, resolution) in &views {
+        let Some(viewport) = viewport_of(camera, resolution) else { continue };
+        let visible = visible.get::<CtVolume>().map_or(&[][..], |visible| &visible.entities_cpu_culling);
+        for &(_, volume) in visible {
+            let Some(volume) = extracted.get(volume) else { continue };
+            let lights = scene
+                .as_ref()
+                .map(|scene| strongest_lights(scene, volume.centre_world_m, &volume.layers))
+                .unwrap_or_default();
+            let samples = msaa.samples();
+            let seen = Seen::new(view, viewport);
+            let uniform = uniform_of(volume, view, viewport, lights);
+            let walk_key = WalkKey {
+                clip_from_view: view.clip_from_view,
+                world_from_view: view.world_from_view.to_matrix(),
+                world_from_voxel: volume.world_from_voxel,
+                viewport,
+                samples,
+                method: volume.look.method,
+                step_voxels: volume.look.step_voxels,
+                clip_planes: volume.clip_planes.clone(),
+                own_colours: volume.own_colours,
+                mask: mask.copied(),
+            };
+            let shade_key = ShadeKey { lights, exposure: camera.exposure, look: volume.look.clone() };
+            let was = before.get_mut(&entity).and_then(|own| own.remove(&volume.entity));
+            let mut now = was
+                .filter(|was| was.buffers.size == viewport.size() && was.method == volume.look.method)
+                .unwrap_or_else(|| VolumeView::new(Buffers::new(&device, viewport.size(), volume.look.method)));
+            now.decide(volume, &changes, &seen, walk_key, shade_key);
+            let target = OrganPipelineKey::of_view(view, camera, msaa, tonemapping, OrganSides::default());
+            // What could not be drawn yet is drawn in a later frame.
+            if !pipelines.are_ready(&cache, volume.look.method, samples > 1, volume.own_colours, target) {
+                (now.walk_key, now.shade_key) = (None, None);
+            }
+            now.offset = kept.uniforms.push(&uniform);
+            now.depth_m = -view.world_from_view.affine().inverse().transform_point3(volume.centre_world_m).z;
+            if volume.look.method == VolumeMethod::Slices && !now.walk.is_empty() {
+                now.slices = super::slices::buffer(&device, volume, view, &uniform);
+            }
+            kept.views.entry(entity).or_default().insert(volume.entity, now);
+        }
+    }
+    kept.uniforms.write_buffer(&device, &queue);
+}
+
+/// Where a camera draws in its target, pixels.
+fn viewport_of(camera: &ExtractedCamera, resolution: Option<&MainPassResolutionOverride>) -> Option<URect> {
+    let viewport = Viewport::from_viewport_and_override(camera.viewport.as_ref(), resolution);
+    let (min, size) = match viewport {
+        Some(viewport) => (viewport.physical_position, viewport.physical_size),
+        None => (UVec2::ZERO, camera.physical_target_size?),
+    };
+    (size.min_element() > 0).then_some(URect { min, max: min + size })
+}
+
+/// Finds what of a view things in the world take up.
+struct Seen {
+    clip_from_world: Mat4,
+    size: UVec2,
+}
+
+impl Seen {
+    fn new(view: &ExtractedView, viewport: URect) -> Self {
+        let clip_from_world = view.clip_from_view * view.world_from_view.to_matrix().inverse();
+        Self { clip_from_world, size: viewport.size() }
+    }
+
+    fn all(&self) -> URect {
+        URect { min: UVec2::ZERO, max: self.size }
+    }
+
+    /// Pixels that a box of some space may cover, with one to spare.
+    fn of_box(&self, world_from_space: Mat4, low: Vec3, high: Vec3) -> URect {
+        if low.cmpgt(high).any() {
+            return URect::EMPTY;
+        }
+        let clip_from_space = self.clip_from_world * world_from_space;
+        let (mut least, mut most) = (Vec2::INFINITY, Vec2::NEG_INFINITY);
+        for corner in 0..8 {
+            let side = |axis: usize| if corner >> axis & 1 == 0 { low[axis] } else { high[axis] };
+            let clip = clip_from_space * Vec4::new(side(0), side(1), side(2), 1.0);
+            // A corner behind the eye can appear anywhere.
+            if clip.w <= 1e-6 || !clip.is_finite() {
+                return self.all();
+            }
+            let ndc = Vec2::new(clip.x, -clip.y) / clip.w;
+            least = least.min(ndc);
+            most = most.max(ndc);
+        }
+        let size = self.size.as_vec2();
+        let pixel = |ndc: Vec2| (ndc * 0.5 + 0.5) * size;
+        let min = (pixel(least) - 1.0).floor().clamp(Vec2::ZERO, size).as_uvec2();
+        let max = (pixel(most) + 1.0).ceil().clamp(Vec2::ZERO, size).as_uvec2();
+        URect { min, max: max.max(min) }
+    }
+}
+
+/// A rectangle with some pixels more on all sides, within a size.
+pub(super) fn grown(of: URect, by: u32, within: URect) -> URect {
+    if of.is_empty() {
+        return of;
+    }
+    URect { min: of.min.saturating_sub(UVec2::splat(by)), max: of.max + by }.intersect(within)
+}
+
+fn united(a: URect, b: URect) -> URect {
+    if a.is_empty() {
+        b
+    } else if b.is_empty() {
+        a
+    } else {
+        a.union(b)
+    }
+}
+
+impl VolumeView {
+    fn new(buffers: Buffers) -> Self {
+        Self {
+            buffers,
+            walk_key: None,
+            shade_key: None,
+            offset: 0,
+            method: default(),
+            own_colours: false,
+            multisampled: false,
+            viewport: URect::EMPTY,
+            passes: 0,
+            seen: URect::EMPTY,
+            walk: URect::EMPTY,
+            is_all: false,
+            shade: URect::EMPTY,
+            slices: None,
+            depth_m: 0.0,
+        }
+    }
+
+    /// Decides what is drawn anew (paper of 2009, section 4.2: only what changed).
+    fn decide(
+        &mut self,
+        volume: &ExtractedVolume,
+        changes: &SceneChanges,
+        view: &Seen,
+        walk_key: WalkKey,
+        shade_key: ShadeKey,
+    ) {
+        let wet = &volume.look.wet;
+        let (low, high) = volume.bounds;
+        self.seen = view.of_box(volume.world_from_voxel, low, high);
+        self.is_all = volume.is_all_new || self.walk_key.as_ref() != Some(&walk_key);
+        let shades_all = self.is_all || self.shade_key.as_ref() != Some(&shade_key);
+        let passes = if wet.smoothed == SmoothedNormals::None { 0 } else { wet.passes };
+        let smooths_all = self.is_all || self.passes != passes || self.shade_key.as_ref().map(|key| key.look.wet) != Some(*wet);
+        let mut walk = URect::EMPTY;
+        if self.is_all {
+            walk = self.seen;
+        } else {
+            for of in &volume.cut {
+                // The gradients around it changed too, and samples are interpolated.
+                let (low, high) = (of.min.as_vec3() - 2.5, of.max.as_vec3() + 1.5);
+                walk = united(walk, view.of_box(volume.world_from_voxel, low, high));
+            }
+            if changes.everywhere {
+                walk = self.seen;
+            }
+            for &(middle, radius) in &changes.spheres {
+                let sphere = view.of_box(Mat4::IDENTITY, middle - radius, middle + radius);
+                walk = united(walk, sphere.intersect(self.seen));
+            }
+            // What was cut or restored may lie beyond what is seen now.
+            walk = walk.intersect(view.all());
+        }
+        self.walk = walk;
+        let smooth = if smooths_all { view.all() } else { grown(walk, passes, view.all()) };
+        self.shade = if shades_all || smooths_all { view.all() } else { smooth };
+        (self.method, self.own_colours) = (volume.look.method, volume.own_colours);
+        (self.multisampled, self.viewport, self.passes) = (walk_key.samples > 1, walk_key.viewport, passes);
+        (self.walk_key, self.shade_key) = (Some(walk_key), Some(shade_key));
+    }
+
+    /// Pixels that pass `k` of smoothing covers, so that the last one is right where it is shaded.
+    pub fn smoothed_by(&self, k: u32) -> URect {
+        let all = URect { min: UVec2::ZERO, max: self.viewport.size() };
+        grown(self.shade, self.passes - 1 - k, all).intersect(grown(self.seen, self.passes, all))
+    }
+}
+
+fn uniform_of(volume: &ExtractedVolume, view: &ExtractedView, viewport: URect, lights: OrganLights) -> VolumeUniform {
+    let world_from_view = view.world_from_view.to_matrix().as_dmat4();
+    let world_from_voxel = volume.world_from_voxel;
+    let voxel_from_view: DMat4 = world_from_voxel.as_dmat4().inverse() * world_from_view;
+    let rays = Rays::new(view.clip_from_view, voxel_from_view);
+    let projection = depth_projection(view.clip_from_view);
+    let edges = [world_from_voxel.x_axis, world_from_voxel.y_axis, world_from_voxel.z_axis];
+    let spacing_m = edges.iter().map(|edge| edge.truncate().length()).fold(f32::INFINITY, f32::min);
+    let middle = world_from_voxel.transform_point3((volume.size.as_vec3() - 1.0) * 0.5);
+    let middle_m = -(world_from_view.inverse().transform_point3(middle.as_dvec3())).z as f32;
+    let mut clip_planes = [Vec4::ZERO; 6];
+    clip_planes[..volume.clip_planes.len()].copy_from_slice(&volume.clip_planes);
+    let wet = &volume.look.wet;
+    VolumeUniform {
+        world_from_voxel,
+        world_from_voxel_normal: world_from_voxel.inverse().transpose(),
+        origin: rays.origin,
+        along: rays.along,
+        clip_planes,
+        low: volume.bounds.0,
+        step_m: volume.look.step_voxels * spacing_m,
+        high: volume.bounds.1,
+        near_m: near_m(projection),
+        size: volume.size.as_vec3(),
+        clip_plane_count: volume.clip_planes.len() as u32,
+        viewport: Vec4::new(
+            viewport.min.x as f32,
+            viewport.min.y as f32,
+            viewport.width() as f32,
+            viewport.height() as f32,
+        ),
+        depth_projection: projection,
+        middle_m,
+        spacing_m,
+        edge_voxels: wet.edge_voxels,
+        shine: wet.shine,
+        shine_exponent: wet.shine_exponent,
+        diffuse_smoothing: f32::from(u8::from(wet.smoothed == SmoothedNormals::All)),
+        is_shaded: f32::from(u8::from(wet.is_shaded)),
+        lights,
+    }
+}
