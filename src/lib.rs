@@ -71,7 +71,10 @@ pub mod prelude {
     pub use crate::skin::tiles::TileOptions;
     pub use crate::skin::{OrganPreset, Skin, SkinPlugin, TileSource};
     #[cfg(feature = "render")]
-    pub use crate::view::{Endoscope, ScopeLight, ScopeMask, SurgeryViewPlugin};
+    pub use crate::view::{
+        Endoscope, Microscope, MicroscopeLamp, MonitorView, ScopeLight, ScopeMask, StereoPair, SurgeryViewPlugin,
+        ToolShadow, ToolShadows,
+    };
     pub use crate::volume::cut::{Burr, BurrKind, BurrPose, BurrShape};
     pub use crate::volume::structures::{Structure, Structures, Tissue};
     pub use crate::volume::transfer::TransferFunction;
