@@ -23,7 +23,8 @@
 //!   hidden ones do not. [`RenderLayers`](bevy::camera::visibility::RenderLayers) of lamp and tool must meet, and those
 //!   of lamp and camera.
 //! - **Cost**: the map is drawn once per lamp, and only after lamp or tools moved. Without a lamp or without tools nothing
-//!   is drawn or copied. Up to [`MAX_SHADOW_LAMPS`] lamps; of more the oldest count.
+//!   is drawn or copied. Up to [`MAX_SHADOW_LAMPS`] lamps; of more those whose
+//!   entities come first.
 
 mod apply;
 mod extract;
@@ -150,10 +151,7 @@ pub(super) fn build(app: &mut App) {
             ),
         )
         // Once for all cameras.
-        .add_systems(
-            RenderGraph,
-            map::draw_maps.in_set(RenderGraphSystems::Render).before(camera_driver),
-        )
+        .add_systems(RenderGraph, map::draw_maps.in_set(RenderGraphSystems::Render).before(camera_driver))
         .add_systems(
             Core3d,
             (

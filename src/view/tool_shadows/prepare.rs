@@ -68,19 +68,13 @@ impl Specializer<RenderPipeline> for ApplySpecializer {
             descriptor.vertex.shader_defs.push("MULTISAMPLED".into());
             descriptor.fragment_mut()?.shader_defs.push("MULTISAMPLED".into());
         }
-        let component = |dst_factor| BlendComponent {
-            src_factor: BlendFactor::Zero,
-            dst_factor,
-            operation: BlendOperation::Add,
-        };
+        let component =
+            |dst_factor| BlendComponent { src_factor: BlendFactor::Zero, dst_factor, operation: BlendOperation::Add };
         descriptor.fragment_mut()?.set_target(
             0,
             ColorTargetState {
                 format: key.format,
-                blend: Some(BlendState {
-                    color: component(BlendFactor::SrcAlpha),
-                    alpha: component(BlendFactor::One),
-                }),
+                blend: Some(BlendState { color: component(BlendFactor::SrcAlpha), alpha: component(BlendFactor::One) }),
                 write_mask: ColorWrites::ALL,
             },
         );
@@ -93,7 +87,12 @@ pub(super) fn init_pipeline(mut commands: Commands, assets: Res<AssetServer>) {
         "tool_shadows_layout",
         &BindGroupLayoutEntries::sequential(
             ShaderStages::FRAGMENT,
-            (uniform_buffer::<ToolShadowUniform>(true), texture_depth_2d(), texture_depth_2d(), texture_depth_2d()),
+            (
+                uniform_buffer::<ToolShadowUniform>(true).visibility(ShaderStages::VERTEX_FRAGMENT),
+                texture_depth_2d(),
+                texture_depth_2d(),
+                texture_depth_2d(),
+            ),
         ),
     );
     let layout_multisampled = BindGroupLayoutDescriptor::new(
@@ -101,7 +100,7 @@ pub(super) fn init_pipeline(mut commands: Commands, assets: Res<AssetServer>) {
         &BindGroupLayoutEntries::sequential(
             ShaderStages::FRAGMENT,
             (
-                uniform_buffer::<ToolShadowUniform>(true),
+                uniform_buffer::<ToolShadowUniform>(true).visibility(ShaderStages::VERTEX_FRAGMENT),
                 texture_depth_2d(),
                 texture_depth_2d_multisampled(),
                 texture_depth_2d_multisampled(),
