@@ -7,12 +7,16 @@ mod extract;
 mod gpu;
 mod pass;
 mod pipelines;
+mod redraws;
 mod scene;
 mod shown;
 mod slices;
 mod texels;
 mod uniform;
 mod views;
+
+pub use redraws::VolumeRedraws;
+pub use uniform::VolumeUniform;
 
 use crate::organ::render::PrepareOrgans;
 use crate::render::VolumePasses;
@@ -38,10 +42,11 @@ pub(super) fn build(app: &mut App) {
     let Some(render_app) = app.get_sub_app_mut(RenderApp) else { return };
     render_app
         .init_resource::<extract::ExtractedVolumes>()
+        .init_resource::<VolumeRedraws>()
         .init_gpu_resource::<gpu::VolumeTextures>()
         .init_gpu_resource::<views::VolumeViews>()
         .add_systems(RenderStartup, pipelines::init.after(PrepareOrgans))
-        .add_systems(ExtractSchedule, extract::extract_volumes)
+        .add_systems(ExtractSchedule, (extract::extract_volumes, redraws::start_frame))
         .add_systems(
             Render,
             (gpu::write_textures, views::prepare_views).chain().in_set(RenderSystems::PrepareResources),
