@@ -208,14 +208,13 @@ fn sane(look: &VolumeLook) -> VolumeLook {
 pub(super) fn bound_volumes(
     mut commands: Commands,
     volumes: Res<Assets<Volume>>,
-    shown: Query<(Entity, &CtVolume), Changed<CutVolume>>,
-    bounded: Query<&Aabb>,
+    shown: Query<(Entity, &CtVolume, Option<&Aabb>)>,
 ) {
-    for (entity, source) in &shown {
+    for (entity, source, bounded) in &shown {
         let Some(volume) = volumes.get(&source.0) else { continue };
         let half: Vec3 = volume.grid().half_axes_m().iter().map(|axis| axis.abs()).sum();
         let bounds = Aabb { center: Vec3::ZERO.into(), half_extents: half.into() };
-        if bounded.get(entity) != Ok(&bounds) {
+        if bounded != Some(&bounds) {
             commands.entity(entity).insert(bounds);
         }
     }
