@@ -85,6 +85,10 @@ pub(super) fn extract_volumes(
         let entity = MainEntity::from(entity);
         let Some(volume) = volumes.get(&source.0) else { continue };
         let grid = volume.grid();
+        // A volume that took another's place is shown from the next frame on.
+        if !shown.is_of(source.0.id(), grid.size) || cut.size() != grid.size {
+            continue;
+        }
         let world_from_volume = transform.affine();
         let world_from_voxel = Mat4::from(world_from_volume * grid.volume_from_voxel());
         // A transform that is flat or not finite shows nothing.

@@ -21,6 +21,7 @@ pub use uniform::VolumeUniform;
 use crate::organ::render::PrepareOrgans;
 use crate::render::VolumePasses;
 use crate::volume::CtVolume;
+use bevy::asset::AssetEventSystems;
 use bevy::camera::visibility::{VisibilityClass, VisibilitySystems, add_visibility_class};
 use bevy::core_pipeline::schedule::Core3d;
 use bevy::prelude::*;
@@ -37,7 +38,10 @@ pub(super) fn build(app: &mut App) {
     app.world_mut().register_component_hooks::<CtVolume>().on_add(add_visibility_class::<CtVolume>);
     app.add_systems(
         PostUpdate,
-        (shown::follow_changes, extract::bound_volumes.before(VisibilitySystems::CheckVisibility)),
+        (
+            shown::follow_changes.after(AssetEventSystems),
+            extract::bound_volumes.before(VisibilitySystems::CheckVisibility),
+        ),
     );
     let Some(render_app) = app.get_sub_app_mut(RenderApp) else { return };
     render_app
