@@ -35,7 +35,11 @@ fn fragment(in: Varying) -> Blended {
     let ray = ray_through(pixel);
     let voxel = ray.origin + ray.along * depth_m;
     let sample = sample_at(voxel);
-    let opacity = select(sample.opacity, 0.0, depth_m > scene_depth_m(pixel));
+    var is_hidden = depth_m > scene_depth_m(pixel);
+    for (var plane = 0u; plane < volume.clip_plane_count; plane++) {
+        is_hidden = is_hidden || dot(volume.clip_planes[plane], vec4(voxel, 1.0)) < 0.0;
+    }
+    let opacity = select(sample.opacity, 0.0, is_hidden);
     return Blended(
         vec4(opacity * sample.colour, opacity),
         vec4(opacity * gradient_at(voxel), opacity),
