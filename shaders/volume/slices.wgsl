@@ -1,7 +1,7 @@
 // Draws a volume as slices, back to front, blended over one another (paper of 2009, section 5). Spaces: world, voxel.
 // CPU twin: `volume/software/slices.rs`.
 
-#import bevy_surgery::volume::{ray_through, volume}
+#import bevy_surgery::volume::{ray_through, relative_depth, volume}
 #import bevy_surgery::volume_field::{gradient_at, sample_at, scene_depth_m}
 #import bevy_render::view::View
 
@@ -16,7 +16,8 @@ struct Varying {
 struct Blended {
     @location(0) colour: vec4<f32>,
     @location(1) gradient: vec4<f32>,
-    // Only the first component is kept; the last one is what blending goes by.
+    // Counted from the volume's middle, so that half precision does. Only the first component is kept; the last one is what
+    // blending goes by.
     @location(2) depth: vec4<f32>,
 }
 
@@ -43,6 +44,6 @@ fn fragment(in: Varying) -> Blended {
     return Blended(
         vec4(opacity * sample.colour, opacity),
         vec4(opacity * gradient_at(voxel), opacity),
-        vec4(opacity * in.k, 0.0, 0.0, opacity),
+        vec4(opacity * relative_depth(depth_m), 0.0, 0.0, opacity),
     );
 }
