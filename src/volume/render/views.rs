@@ -168,6 +168,9 @@ pub(super) fn prepare_views(
     queue: Res<RenderQueue>,
 ) {
     let mut before = std::mem::take(&mut kept.views);
+    // What waits for its pipeline enters the scene in the frame in which this is ready, whenever that is.
+    let is_waiting = cache.waiting_pipelines().next().is_some();
+    let changes = SceneChanges { everywhere: changes.everywhere || is_waiting, ..(*changes).clone() };
     kept.uniforms.clear();
     for (entity, view, camera, visible, msaa, tonemapping, mask, resolution) in &views {
         let Some(viewport) = viewport_of(camera, resolution) else { continue };
