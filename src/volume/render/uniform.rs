@@ -10,7 +10,7 @@ use bevy::render::render_resource::ShaderType;
 pub struct VolumeUniform {
     /// Voxel coordinates to the world, metres.
     pub world_from_voxel: Mat4,
-    /// Inverse transpose of it.
+    /// Inverse transpose of it, times [`Self::spacing_m`].
     pub world_from_voxel_normal: Mat4,
     /// Voxel coordinates of a pixel's ray at depth 0: constant, per unit of clip space along x, along y.
     pub origin: [Vec4; 3],

@@ -376,6 +376,10 @@ impl VolumeView {
     }
 }
 
+/// Greatest number of a sample plane. Single precision does not tell all whole numbers beyond apart, and a ray that counts them
+/// would not get on.
+const MAX_PLANE: f32 = 4_194_304.0;
+
 fn uniform_of(volume: &ExtractedVolume, view: &ExtractedView, viewport: URect, lights: OrganLights) -> VolumeUniform {
     let world_from_view = view.world_from_view.to_matrix().as_dmat4();
     let world_from_voxel = volume.world_from_voxel;
@@ -386,17 +390,20 @@ fn uniform_of(volume: &ExtractedVolume, view: &ExtractedView, viewport: URect, l
     let spacing_m = edges.iter().map(|edge| edge.truncate().length()).fold(f32::INFINITY, f32::min);
     let middle = world_from_voxel.transform_point3((volume.size.as_vec3() - 1.0) * 0.5);
     let middle_m = -(world_from_view.inverse().transform_point3(middle.as_dvec3())).z as f32;
+    let half_m = edges.iter().zip(volume.size.to_array()).map(|(edge, count)| edge.truncate().length() * count as f32);
+    let farthest_m = middle_m.abs() + half_m.sum::<f32>();
     let mut clip_planes = [Vec4::ZERO; 6];
     clip_planes[..volume.clip_planes.len()].copy_from_slice(&volume.clip_planes);
     let wet = &volume.look.wet;
     VolumeUniform {
         world_from_voxel,
-        world_from_voxel_normal: world_from_voxel.inverse().transpose(),
+        // Times a length, so that its numbers are near 1 at any scale.
+        world_from_voxel_normal: (world_from_voxel.as_dmat4().inverse().transpose() * f64::from(spacing_m)).as_mat4(),
         origin: rays.origin,
         along: rays.along,
         clip_planes,
         low: volume.bounds.0,
-        step_m: volume.look.step_voxels * spacing_m,
+        step_m: (volume.look.step_voxels * spacing_m).max(farthest_m / MAX_PLANE),
         high: volume.bounds.1,
         near_m: near_m(projection),
         size: volume.size.as_vec3(),
