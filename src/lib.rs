@@ -71,7 +71,10 @@ pub mod prelude {
     pub use crate::skin::tiles::TileOptions;
     pub use crate::skin::{OrganPreset, Skin, SkinPlugin, TileSource};
     #[cfg(feature = "render")]
-    pub use crate::view::{Endoscope, ScopeLight, ScopeMask, SurgeryViewPlugin};
+    pub use crate::view::{
+        Endoscope, Microscope, MicroscopeLamp, MonitorView, ScopeLight, ScopeMask, StereoPair, SurgeryViewPlugin, ToolShadow,
+        ToolShadows,
+    };
 }
 
 use bevy::app::{PluginGroup, PluginGroupBuilder};

@@ -27,3 +27,5 @@ mod skin_texture;
 mod skin_tiles;
 mod support;
 mod view;
+mod view_shadows;
+mod view_stereo;

@@ -10,6 +10,7 @@ const NOT_DATA: &[(&str, &str)] = &[
     ("Plugins", "a group of plugins"),
     ("Loader", "an asset loader"),
     ("OrganPasses", "a system set"),
+    ("ToolShadowPasses", "a system set"),
     ("PrepareOrgans", "a system set"),
     ("ShapeOrgans", "a system set"),
     ("OrganPicking", "a system parameter"),
@@ -28,7 +29,15 @@ const NOT_DATA: &[(&str, &str)] = &[
 
 /// Folders whose types live in the render world, which has no registry.
 const RENDER_WORLD: &[&str] =
-    &["organ/render/", "render/lights.rs", "render/uploads.rs", "highlights/render/", "skin/render/prepare.rs"];
+    &[
+    "organ/render/",
+    "render/lights.rs",
+    "render/uploads.rs",
+    "highlights/render/",
+    "skin/render/prepare.rs",
+    "view/tool_shadows/map.rs",
+    "view/tool_shadows/prepare.rs",
+];
 
 /// Public types of the sources: name, file, and whether `Reflect` is derived.
 fn public_types(folder: &Path, found: &mut Vec<(String, String, bool)>) {

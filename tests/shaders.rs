@@ -9,7 +9,7 @@ use bevy_surgery::organ::render::{OrganUniform, PrimaryVertex, corner_vertex_lay
 use bevy_surgery::render::{LightUniform, OrganLights, SHADERS};
 use bevy_surgery::skin::SkinUniform;
 use bevy_surgery::testing::TestApp;
-use bevy_surgery::view::ScopeMaskUniform;
+use bevy_surgery::view::{ScopeMaskUniform, ToolCasterUniform, ToolShadowUniform};
 use naga::valid::{Capabilities, ValidationFlags, Validator};
 use naga_oil::compose::{ComposableModuleDescriptor, Composer, NagaModuleDescriptor, ShaderDefValue};
 use std::collections::{BTreeSet, HashMap};
@@ -122,6 +122,9 @@ fn every_shader_composes_and_validates() {
         if let Err(reason) = compose_with(&mut composer, shader.path, shader.source, &tonemapping) {
             panic!("{} with tonemapping: {reason}", shader.path);
         }
+        if let Err(reason) = compose_with(&mut composer, shader.path, shader.source, &["MULTISAMPLED"]) {
+            panic!("{} with several samples: {reason}", shader.path);
+        }
     }
     let wrong = "@fragment fn fragment() -> @location(0) vec4<f32> { return 1.0; }";
     assert!(compose(&mut composer, "wrong.wgsl", wrong).is_err(), "a wrong shader must not pass");
@@ -178,6 +181,10 @@ fn rust_and_wgsl_agree_on_every_struct() {
     assert_layout!(&highlights, "HighlightRing", HighlightRing);
     assert_layout!(&highlights, "HighlightsUniform", HighlightsUniform);
     assert_layout!(&mask, "ScopeMaskUniform", ScopeMaskUniform);
+    let map = compose(&mut composer, "view/tool_shadow_map.wgsl", source("view/tool_shadow_map.wgsl"));
+    assert_layout!(&map.expect("composes"), "ToolCasterUniform", ToolCasterUniform);
+    let shadows = compose(&mut composer, "view/tool_shadows.wgsl", source("view/tool_shadows.wgsl"));
+    assert_layout!(&shadows.expect("composes"), "ToolShadowUniform", ToolShadowUniform);
     let (size, offsets) = layout_in(&skin, "PrimaryVertex");
     assert_eq!(size as usize, size_of::<PrimaryVertex>());
     assert_eq!(offsets[0].1 as usize, std::mem::offset_of!(PrimaryVertex, position_m));
@@ -224,8 +231,11 @@ fn no_struct_escapes_the_comparison() {
         "OrganUniform",
         "PrimaryVertex",
         "ScopeMaskUniform",
+        "SkinUniform",
+        "ToolCasterUniform",
+        "ToolShadowUniform",
     ];
-    let compared: BTreeSet<String> = compared.into_iter().chain(["SkinUniform", "View"]).map(String::from).collect();
+    let compared: BTreeSet<String> = compared.into_iter().chain(["View"]).map(String::from).collect();
     assert_eq!(found, compared, "add new structs to `rust_and_wgsl_agree_on_every_struct` and to this list");
 }
 

@@ -35,6 +35,8 @@ pub const SHADERS: &[EmbeddedShader] = &[
     shader!("reactions/reactions.wgsl", false),
     shader!("skin/skin.wgsl", false),
     shader!("view/mask.wgsl", false),
+    shader!("view/tool_shadow_map.wgsl", false),
+    shader!("view/tool_shadows.wgsl", false),
     shader!("volume/composite.wgsl", false),
     shader!("volume/field.wgsl", true),
     shader!("volume/march.wgsl", false),

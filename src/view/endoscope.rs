@@ -1,6 +1,6 @@
 //! The endoscope as one component.
 
-use super::{ScopeLight, ScopeMask};
+use super::{ScopeLight, ScopeMask, SetLenses};
 use bevy::camera::{Hdr, Projection};
 use bevy::core_pipeline::tonemapping::Tonemapping;
 use bevy::prelude::*;
@@ -39,11 +39,11 @@ impl Default for Endoscope {
 }
 
 pub(super) fn build(app: &mut App) {
-    app.add_systems(PostUpdate, set_projection.before(bevy::camera::CameraUpdateSystems));
+    app.add_systems(PostUpdate, set_projection.in_set(SetLenses));
 }
 
 /// Writes the lens into the camera's perspective when it changes; other projections are somebody else's.
-fn set_projection(mut scopes: Query<(&Endoscope, &mut Projection), Changed<Endoscope>>) {
+pub(super) fn set_projection(mut scopes: Query<(&Endoscope, &mut Projection), Changed<Endoscope>>) {
     for (scope, mut projection) in &mut scopes {
         // Looked at first, so that a projection that is left alone does not count as changed.
         if matches!(&*projection, Projection::Perspective(_))

@@ -25,7 +25,8 @@ const SEGMENTS: u32 = 96;
 #[derive(Component, Clone, Debug, PartialEq, Reflect)]
 #[reflect(Component, Default, Clone)]
 pub struct ScopeMask {
-    /// Radius of the picture as a share of half the frame's height: 1 touches the upper and lower border.
+    /// Radius of the picture as a share of half the shorter side of the frame: in a frame wider than high 1 touches the
+    /// upper and lower border. The frame is the camera's viewport.
     pub radius: f32,
     /// Width of the soft edge, in the same measure.
     pub softness: f32,
@@ -61,6 +62,9 @@ impl ExtractComponent for ScopeMask {
 
     fn extract_component((mask, camera): (&ScopeMask, &Camera)) -> Option<ScopeMaskUniform> {
         let size = camera.logical_viewport_size().filter(|size| size.min_element() > 0.0)?;
+        let aspect = size.x / size.y;
+        // The shader measures in heights.
+        let narrow = aspect.min(1.0);
         let default = ScopeMask::default();
         // A hundred half heights cover any frame.
         let radius = finite_within(mask.radius, 0.0, 100.0, default.radius);
@@ -69,8 +73,8 @@ impl ExtractComponent for ScopeMask {
         let [red, green, blue] = [red, green, blue].map(|channel| finite_within(channel, 0.0, 1.0, 0.0));
         Some(ScopeMaskUniform {
             colour: Vec4::new(red, green, blue, finite_within(alpha, 0.0, 1.0, 1.0)),
-            radii: Vec2::new(radius, radius + softness),
-            aspect: size.x / size.y,
+            radii: Vec2::new(radius, radius + softness) * narrow,
+            aspect,
         })
     }
 }
