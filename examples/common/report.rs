@@ -11,10 +11,13 @@ use std::time::Duration;
 /// What is measured while a run goes on.
 #[derive(Default)]
 pub struct Measures {
-    /// From the start until every organ had its shape.
+    /// From the start until every organ had its shape and every volume was there.
     pub organs_ready: Duration,
     /// Times of frames without organs, with the first one alone, and with all, drawn in turn; milliseconds.
     pub by_organs_shown: [Vec<f64>; 3],
+    /// Times of frames without volumes, of those in which all of them were drawn anew, and of those in which nothing had
+    /// changed; milliseconds.
+    pub by_volumes_shown: [Vec<f64>; 3],
     frames_ms: Vec<f64>,
     uploaded_bytes: Vec<f64>,
     uploaded_rectangles: Vec<f64>,
@@ -51,7 +54,7 @@ impl Measures {
         let pace: Map<String, Value> =
             ["steps_per_frame", "lost_time"].iter().filter_map(|name| stages.remove_entry(*name)).collect();
         let empty_ms = quantile(&self.by_organs_shown[0], 0.5);
-        json!({
+        let mut report = json!({
             "adapter": adapter,
             "size": [size.x, size.y],
             "frames": self.frames_ms.len(),
@@ -72,7 +75,16 @@ impl Measures {
             "rectangles_uploaded_per_frame": quantile(&self.uploaded_rectangles, 0.5),
             "rectangles_uploaded_per_frame_p95": quantile(&self.uploaded_rectangles, 0.95),
             "counters": counters,
-        })
+        });
+        let [empty, redrawn, unchanged] = &self.by_volumes_shown;
+        if let (false, Some(report)) = (empty.is_empty(), report.as_object_mut()) {
+            // Of the frames without organs and volumes, the ones that were measured.
+            let over_empty = |times: &[f64]| json!(rounded(quantile(times, 0.5) - quantile(empty, 0.5)));
+            report.insert("without_volumes_frame_ms".into(), json!(rounded(quantile(empty, 0.5))));
+            report.insert("volumes_redrawn_over_empty_ms".into(), over_empty(redrawn));
+            report.insert("volumes_unchanged_over_empty_ms".into(), over_empty(unchanged));
+        }
+        report
     }
 }
 
