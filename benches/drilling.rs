@@ -47,7 +47,8 @@ fn drilling(c: &mut Criterion) {
     let mut group = c.benchmark_group("drill step, 256^3, radius 8 voxels");
 
     let mut rng = Pcg32::seed_from_u64(0);
-    let places: Vec<Vec3> = (0..1000).map(|_| Vec3::from_array([0; 3].map(|_| rng.random_range(20.0..235.0)))).collect();
+    let places: Vec<Vec3> =
+        (0..1000).map(|_| Vec3::from_array([0; 3].map(|_| rng.random_range(20.0..235.0)))).collect();
     let mut cut = CutVolume::new(volume.grid().size);
     group.bench_function("leaps", |b| {
         b.iter_custom(|steps| {
@@ -81,7 +82,11 @@ fn drilling(c: &mut Criterion) {
                     // 1 voxel a step: 12 mm/s.
                     let at = |step: u64| {
                         let lap = step / 200;
-                        pose(Vec3::new(28.3 + (step % 200) as f32, 30.7 + (lap % 10 * 20) as f32, 30.2 + (lap / 10 % 10 * 20) as f32))
+                        pose(Vec3::new(
+                            28.3 + (step % 200) as f32,
+                            30.7 + (lap % 10 * 20) as f32,
+                            30.2 + (lap / 10 % 10 * 20) as f32,
+                        ))
                     };
                     for step in 0..steps {
                         if step % 20_000 == 0 {
@@ -90,8 +95,13 @@ fn drilling(c: &mut Criterion) {
                         if step % 200 == 199 {
                             continue;
                         }
-                        let stroke =
-                            BurrStroke { burr: burr(shape), from: at(step), to: at(step + 1), force_n, speed_rpm: 40_000.0 };
+                        let stroke = BurrStroke {
+                            burr: burr(shape),
+                            from: at(step),
+                            to: at(step + 1),
+                            force_n,
+                            speed_rpm: 40_000.0,
+                        };
                         let start = Instant::now();
                         black_box(cut.drill(&volume, &structures, black_box(&stroke), STEP_S));
                         spent += start.elapsed();

@@ -72,8 +72,15 @@ pub mod prelude {
     pub use crate::skin::{OrganPreset, Skin, SkinPlugin, TileSource};
     #[cfg(feature = "render")]
     pub use crate::view::{
-        Endoscope, Microscope, MicroscopeLamp, MonitorView, ScopeLight, ScopeMask, StereoPair, SurgeryViewPlugin, ToolShadow,
-        ToolShadows,
+        Endoscope, Microscope, MicroscopeLamp, MonitorView, ScopeLight, ScopeMask, StereoPair, SurgeryViewPlugin,
+        ToolShadow, ToolShadows,
+    };
+    pub use crate::volume::cut::{Burr, BurrKind, BurrPose, BurrShape};
+    pub use crate::volume::structures::{Structure, Structures, Tissue};
+    pub use crate::volume::transfer::TransferFunction;
+    pub use crate::volume::{
+        CtVolume, CutVolume, DrillVolume, LoadVolume, RemovedTissue, SmoothedNormals, Volume, VolumeLook, VolumeMethod,
+        VolumePicking, VolumePlugin, VoxelsRemoved, WatchCritical, WetShading,
     };
 }
 

@@ -28,8 +28,7 @@ const NOT_DATA: &[(&str, &str)] = &[
 ];
 
 /// Folders whose types live in the render world, which has no registry.
-const RENDER_WORLD: &[&str] =
-    &[
+const RENDER_WORLD: &[&str] = &[
     "organ/render/",
     "render/lights.rs",
     "render/uploads.rs",

@@ -63,7 +63,8 @@ fn scene() -> Scene {
     let camera = app.spawn_camera(Transform::from_xyz(0.02, -0.15, 0.2).looking_at(Vec3::ZERO, Vec3::Z));
     let organ = app.world_mut().resource_mut::<Assets<OrganModel>>().add(flat_organ());
     app.world_mut().spawn((Organ(organ), plain_skin([200, 160, 150])));
-    let lamp = app.world_mut().spawn((shadows(), Transform::from_translation(LAMP).looking_at(Vec3::ZERO, Vec3::Y))).id();
+    let lamp =
+        app.world_mut().spawn((shadows(), Transform::from_translation(LAMP).looking_at(Vec3::ZERO, Vec3::Y))).id();
     Scene { app, camera, lamp }
 }
 
@@ -71,7 +72,8 @@ impl Scene {
     fn add_tool(&mut self, mesh: impl Into<Mesh>, transform: Transform) -> Entity {
         let mesh = self.app.world_mut().resource_mut::<Assets<Mesh>>().add(mesh.into());
         let [r, g, b] = TOOL;
-        let material = StandardMaterial { base_color: Color::srgb_u8(r, g, b), unlit: true, cull_mode: None, ..default() };
+        let material =
+            StandardMaterial { base_color: Color::srgb_u8(r, g, b), unlit: true, cull_mode: None, ..default() };
         let material = self.app.world_mut().resource_mut::<Assets<StandardMaterial>>().add(material);
         self.app.world_mut().spawn((Mesh3d(mesh), MeshMaterial3d(material), transform, ToolShadow)).id()
     }
@@ -121,9 +123,8 @@ fn is_organ(pixel: &image::Rgba<u8>) -> bool {
 /// Pixels of the organ whose neighbours are the organ too, with the share of light that shadows left.
 fn light_left([shaded, plain]: &[RgbaImage; 2]) -> Vec<(u32, u32, f32)> {
     let is_inside = |x: u32, y: u32| {
-        (x.max(1) - 1..=x + 1).all(|x| {
-            (y.max(1) - 1..=y + 1).all(|y| plain.get_pixel_checked(x, y).is_some_and(is_organ))
-        })
+        (x.max(1) - 1..=x + 1)
+            .all(|x| (y.max(1) - 1..=y + 1).all(|y| plain.get_pixel_checked(x, y).is_some_and(is_organ)))
     };
     let found: Vec<_> = plain
         .enumerate_pixels()
@@ -176,7 +177,11 @@ fn assert_twin(name: &str, scene: &mut Scene) {
     }
     assert!(half_dark > 60 && dark > 60, "{name}: {half_dark} pixels lie in the half shadow, {dark} in the core");
     let error = error / pixels.len() as f32;
-    assert!(off * 100 < pixels.len() as u32 && error < 0.004, "{name}: {off} of {} are off, mean {error}", pixels.len());
+    assert!(
+        off * 100 < pixels.len() as u32 && error < 0.004,
+        "{name}: {off} of {} are off, mean {error}",
+        pixels.len()
+    );
 }
 
 #[test]
@@ -199,14 +204,19 @@ fn pixels_are_darkened_as_the_twin_says() {
     samples.app.world_mut().entity_mut(samples.camera).insert(Msaa::Sample4);
     assert_twin("multisampled", &mut samples);
     let mut moved = scene();
-    moved.app.world_mut().entity_mut(moved.lamp).insert(ToolShadows { resolution_px: 256, softness_m: 0.002, ..shadows() });
+    moved.app.world_mut().entity_mut(moved.lamp).insert(ToolShadows {
+        resolution_px: 256,
+        softness_m: 0.002,
+        ..shadows()
+    });
     assert_twin("coarse", &mut moved);
 }
 
 #[test]
 fn each_half_of_a_target_has_its_own_shadow() {
     let mut scene = scene();
-    let viewport = |x| Viewport { physical_position: UVec2::new(x, 0), physical_size: UVec2::new(120, 180), ..default() };
+    let viewport =
+        |x| Viewport { physical_position: UVec2::new(x, 0), physical_size: UVec2::new(120, 180), ..default() };
     let target = RenderTarget::Image(scene.app.target().image.into());
     for hdr in [false, true] {
         let right = Camera { viewport: Some(viewport(120)), order: 1, ..default() };
@@ -227,8 +237,7 @@ fn each_half_of_a_target_has_its_own_shadow() {
         let right = scene.camera;
         for (x, y, got) in light_left(&pictures) {
             scene.camera = if x < 120 { other } else { right };
-            let wanted =
-                lens.light_left(lens.occlusion(&map, scene.on_plane(x, y), shadow_noise(UVec2::new(x, y))));
+            let wanted = lens.light_left(lens.occlusion(&map, scene.on_plane(x, y), shadow_noise(UVec2::new(x, y))));
             assert!((got - wanted).abs() < 0.4, "pixel {x},{y} has {got} instead of {wanted}");
             dark[usize::from(x >= 120)] += u32::from(got < 0.3 && wanted < 0.3);
         }
@@ -435,7 +444,8 @@ fn the_map_is_drawn_when_something_moved() {
     }
     // Camera, softness and strength are nothing to the map; two cameras share it.
     let target = RenderTarget::Image(scene.app.target().image.into());
-    let second = (Camera3d::default(), Camera { order: 1, ..default() }, target, Msaa::Off, Transform::from_xyz(0.0, 0.0, 0.3));
+    let second =
+        (Camera3d::default(), Camera { order: 1, ..default() }, target, Msaa::Off, Transform::from_xyz(0.0, 0.0, 0.3));
     scene.app.world_mut().spawn(second);
     scene.app.world_mut().get_mut::<Transform>(scene.camera).expect("placed").translation.x += 0.02;
     scene.app.world_mut().entity_mut(scene.lamp).insert(ToolShadows { strength: 0.3, softness_m: 0.001, ..shadows() });
@@ -503,7 +513,11 @@ fn shadows_end_with_the_cone() {
     scene.add_tool(Cuboid::new(0.1, 0.1, 0.002), Transform::from_xyz(0.0, 0.0, 0.01));
     let lamp = Transform::from_xyz(0.0, 0.0, 0.2).looking_to(Vec3::NEG_Z, Vec3::Y);
     let half_angle_rad = 0.05_f32.atan();
-    scene.app.world_mut().entity_mut(scene.lamp).insert((lamp, ToolShadows { half_angle_rad, softness_m: 2e-4, ..shadows() }));
+    scene
+        .app
+        .world_mut()
+        .entity_mut(scene.lamp)
+        .insert((lamp, ToolShadows { half_angle_rad, softness_m: 2e-4, ..shadows() }));
     // From below nothing hides the organ; it is drawn from both sides.
     let view = Transform::from_xyz(0.0, 0.0, -0.1).looking_at(Vec3::ZERO, Vec3::Y);
     scene.app.world_mut().entity_mut(scene.camera).insert(view);

@@ -66,9 +66,9 @@ fn eyes_see_the_parallax_of_the_closed_form() {
                 for share in [-0.999, 0.999] {
                     let entity = app.world().entity(eye);
                     let (camera, place) = (entity.get::<Camera>(), entity.get::<GlobalTransform>());
-                    let edge = camera.zip(place).and_then(|(camera, place)| {
-                        camera.ndc_to_world(place, Vec3::new(share, 0.0, 0.01 / depth_m))
-                    });
+                    let edge = camera
+                        .zip(place)
+                        .and_then(|(camera, place)| camera.ndc_to_world(place, Vec3::new(share, 0.0, 0.01 / depth_m)));
                     let edge = edge.expect("on the picture's edge");
                     assert!((edge.z + depth_m).abs() < 1e-4, "{edge}");
                     assert!(frustum.half_spaces.iter().all(|half| half.normal_d().dot(edge.extend(1.0)) > -1e-6));
@@ -172,7 +172,8 @@ fn both_halves_are_round_and_show_the_scene() {
         }
         let parallax = centre(&picture, 0, half) - centre(&picture, half, width) + Vec2::X * half as f32;
         let tan_half = 0.1 * (half as f32 / 120.0).max(1.0);
-        let wanted = app.world().get::<StereoPair>(rig).expect("a pair").parallax(depth_m, 0.25, tan_half) * half as f32 / 2.0;
+        let wanted =
+            app.world().get::<StereoPair>(rig).expect("a pair").parallax(depth_m, 0.25, tan_half) * half as f32 / 2.0;
         assert!((parallax.x - wanted).abs() < 0.7 && parallax.y.abs() < 0.5, "{parallax} pixels instead of {wanted}");
     }
 }
@@ -201,7 +202,10 @@ fn a_monitor_follows_another_camera() {
         // The same height, each its own width.
         assert!((own.y_axis.y - 1.0 / (wanted_rad / 2.0).tan()).abs() < 1e-3, "{own}");
         assert_eq!(own.y_axis.y, others.y_axis.y);
-        assert!((own.y_axis.y / own.x_axis.x - 4.0).abs() < 1e-5 && (others.y_axis.y / others.x_axis.x - 4.0 / 3.0).abs() < 1e-5);
+        assert!(
+            (own.y_axis.y / own.x_axis.x - 4.0).abs() < 1e-5
+                && (others.y_axis.y / others.x_axis.x - 4.0 / 3.0).abs() < 1e-5
+        );
     };
     let field = |magnification: f32| 2.0 * (0.1 / magnification / 0.25_f32).atan();
     compare(&app, field(4.0));
@@ -235,7 +239,9 @@ fn the_lens_follows_the_magnification_and_the_lamp_the_focus() {
         (microscope.step, microscope.working_distance_m) = (step, focus_m);
         let wanted = Microscope { step, working_distance_m: focus_m, ..default() };
         app.idle();
-        let Some(Projection::Perspective(lens)) = app.world().get::<Projection>(scope) else { panic!("no perspective") };
+        let Some(Projection::Perspective(lens)) = app.world().get::<Projection>(scope) else {
+            panic!("no perspective")
+        };
         assert_eq!((lens.fov, lens.near, lens.far()), (wanted.field_of_view_rad(), 0.01, 10.0));
         // The rim of the field touches the picture's border.
         let above = app.world().get::<GlobalTransform>(scope).expect("placed");

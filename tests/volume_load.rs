@@ -6,6 +6,8 @@ mod broken;
 #[cfg(feature = "dicom")]
 #[path = "volume_load/dicom.rs"]
 mod dicom;
+#[path = "volume_load/memory.rs"]
+mod memory;
 #[path = "volume_load/metaimage.rs"]
 mod metaimage;
 #[path = "volume_load/mutations.rs"]
@@ -25,6 +27,9 @@ use bevy_surgery::volume::error::VolumeError;
 use bevy_surgery::volume::load::{LoadReport, VolumeLoadOptions, parse_with};
 use bevy_surgery::volume::{Volume, Voxels};
 use glam::{DVec3, UVec3};
+
+/// A file beside another.
+type Sibling<'a> = (&'a str, &'a [u8]);
 
 /// Reads a file that lies beside others.
 fn load_beside(

@@ -18,7 +18,8 @@ fn volume_of(size: UVec3, spacing_mm: DVec3, value: impl Fn(Vec3) -> f32) -> Vol
     let rows = (0..size.z).flat_map(|z| (0..size.y).map(move |y| (y, z)));
     let voxels = rows.flat_map(|(y, z)| (0..size.x).map(move |x| UVec3::new(x, y, z)));
     let values: Vec<f32> = voxels.map(|voxel| value(voxel.as_vec3()).clamp(0.0, 1.0)).collect();
-    let volume = Volume::new(VolumeGrid::upright(size, spacing_mm), Voxels::F32(values), 1.0, 0.0).expect("a good volume");
+    let volume =
+        Volume::new(VolumeGrid::upright(size, spacing_mm), Voxels::F32(values), 1.0, 0.0).expect("a good volume");
     assert_eq!(volume.range(), [0.0, 1.0]);
     volume
 }
@@ -57,7 +58,8 @@ fn scene<'a>(field: &'a RenderField, table: &'a [[f32; 4]]) -> MarchScene<'a> {
 
 /// Pixels of a picture with their places in memory.
 fn pixels(size_px: UVec2) -> impl Iterator<Item = (usize, UVec2)> {
-    (0..(size_px.x * size_px.y) as usize).map(move |place| (place, UVec2::new(place as u32 % size_px.x, place as u32 / size_px.x)))
+    (0..(size_px.x * size_px.y) as usize)
+        .map(move |place| (place, UVec2::new(place as u32 % size_px.x, place as u32 / size_px.x)))
 }
 
 /// View depths between which a pixel's ray is in the ball.

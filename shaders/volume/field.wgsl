@@ -25,20 +25,22 @@ const ENTRIES: f32 = 1023.0;
 struct Sample {
     colour: vec3<f32>,
     opacity: f32,
-    gradient: vec3<f32>,
 }
 
 fn sample_at(voxel: vec3<f32>) -> Sample {
     let place = (voxel + 0.5) / volume.size;
     let value = textureSampleLevel(field, linear_sampler, place, 0.0).rg;
     let looked_up = textureLoad(table, vec2(i32(value.x * ENTRIES + 0.5), 0), 0);
-    let gradient = textureSampleLevel(gradients, linear_sampler, place, 0.0).rgb;
 #ifdef OWN_COLOURS
     let colour = textureSampleLevel(colours, linear_sampler, place, 0.0).rgb;
 #else
     let colour = looked_up.rgb;
 #endif
-    return Sample(colour, looked_up.a * value.y, gradient);
+    return Sample(colour, looked_up.a * value.y);
+}
+
+fn gradient_at(voxel: vec3<f32>) -> vec3<f32> {
+    return textureSampleLevel(gradients, linear_sampler, (voxel + 0.5) / volume.size, 0.0).rgb;
 }
 
 // Depth of the opaque scene behind a pixel of the viewport, metres. Of several samples the farthest counts: the others

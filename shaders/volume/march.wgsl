@@ -2,7 +2,7 @@
 // least once; what is to be skipped is therefore left by the end of a loop. CPU twin: `volume/software/march.rs`.
 
 #import bevy_surgery::volume::{NOTHING, covering_triangle, normal_of, ray_through, relative_depth, volume}
-#import bevy_surgery::volume_field::{sample_at, scene_depth_m}
+#import bevy_surgery::volume_field::{gradient_at, sample_at, scene_depth_m}
 
 // How far from each block of 4^3 voxels the next one is that may show something, in blocks; 0 for such a block.
 @group(1) @binding(6) var blocks: texture_3d<u32>;
@@ -69,18 +69,24 @@ fn fragment(@builtin(position) at: vec4<f32>) -> Buffers {
         }
         // Through that block.
         let block_last = min(leave_m / volume.step_m, last);
+        var block_weight = 0.0;
+        var block_depth = 0.0;
         loop {
             let sample = sample_at(ray.origin + along * (k * volume.step_m));
             let weight = select((1.0 - opacity) * sample.opacity, 0.0, k > last);
             colour += weight * sample.colour;
-            gradient += weight * sample.gradient;
-            depth += weight * k;
             opacity += weight;
+            block_weight += weight;
+            block_depth += weight * k;
             k += 1.0;
             continuing {
                 break if opacity > OPAQUE || k > block_last;
             }
         }
+        // One gradient for the block, where the light comes from in the mean.
+        let mean = block_depth / max(block_weight, 1e-9);
+        gradient += block_weight * gradient_at(ray.origin + along * (mean * volume.step_m));
+        depth += block_depth;
         is_done = opacity > OPAQUE || k > last;
         continuing {
             break if is_done;

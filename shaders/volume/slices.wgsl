@@ -1,8 +1,8 @@
 // Draws a volume as slices, back to front, blended over one another (paper of 2009, section 5). Spaces: world, voxel.
 // CPU twin: `volume/software/slices.rs`.
 
-#import bevy_surgery::volume::{normal_of, ray_through, relative_depth, volume, NOTHING, covering_triangle}
-#import bevy_surgery::volume_field::{sample_at, scene_depth_m}
+#import bevy_surgery::volume::{ray_through, volume}
+#import bevy_surgery::volume_field::{gradient_at, sample_at, scene_depth_m}
 #import bevy_render::view::View
 
 @group(0) @binding(0) var<uniform> view: View;
@@ -33,11 +33,12 @@ fn fragment(in: Varying) -> Blended {
     let pixel = in.clip.xy - volume.viewport.xy;
     let depth_m = in.k * volume.step_m;
     let ray = ray_through(pixel);
-    let sample = sample_at(ray.origin + ray.along * depth_m);
+    let voxel = ray.origin + ray.along * depth_m;
+    let sample = sample_at(voxel);
     let opacity = select(sample.opacity, 0.0, depth_m > scene_depth_m(pixel));
     return Blended(
         vec4(opacity * sample.colour, opacity),
-        vec4(opacity * sample.gradient, opacity),
+        vec4(opacity * gradient_at(voxel), opacity),
         vec4(opacity * in.k, 0.0, 0.0, opacity),
     );
 }

@@ -31,7 +31,13 @@ pub(super) fn order(app: &mut App) {
     let Some(render_app) = app.get_sub_app_mut(RenderApp) else { return };
     render_app.configure_sets(
         Core3d,
-        (VolumePasses, OrganPasses::Skin, OrganPasses::HighlightsUnder, OrganPasses::Reactions, OrganPasses::Highlights)
+        (
+            VolumePasses,
+            OrganPasses::Skin,
+            OrganPasses::HighlightsUnder,
+            OrganPasses::Reactions,
+            OrganPasses::Highlights,
+        )
             .chain()
             // Bevy's opaque pass clears the view and fills depth; transparent things must blend over organs.
             .after(main_opaque_pass_3d)

@@ -91,7 +91,8 @@ impl RemovedTissue {
                     for x in of.min.x..of.max.x {
                         let voxel = UVec3::new(x, y, z);
                         let index = grid.index(voxel);
-                        let share = f64::from(structures.solid()[index]) / 255.0 * f64::from(1.0 - cut.remaining(voxel));
+                        let share =
+                            f64::from(structures.solid()[index]) / 255.0 * f64::from(1.0 - cut.remaining(voxel));
                         self.by_label_mm3[usize::from(structures.labels()[index])] += share * grid.voxel_mm3();
                     }
                 }

@@ -103,7 +103,9 @@ pub enum VolumeFault {
         reason: String,
     },
     /// A header refers to something outside its own folder.
-    #[error("its data file `{path}` lies outside the header's own folder; put it beside the header and name it relatively")]
+    #[error(
+        "its data file `{path}` lies outside the header's own folder; put it beside the header and name it relatively"
+    )]
     ForbiddenPath {
         /// Path as the header gives it.
         path: String,
@@ -137,17 +139,15 @@ pub enum VolumeFault {
         series: Vec<DicomSeries>,
     },
     /// A slice that does not fit the others.
-    #[error("slice `{slice}`: its {field} is {found}, that of `{first}` is {expected}; all slices must agree")]
+    #[error("slice `{slice}`: its {field} is {found}, but {expected}; all slices must agree")]
     SliceDiffers {
         /// File of the odd one.
         slice: String,
-        /// File of the slice it was held against.
-        first: String,
         /// Which property.
         field: String,
         /// Its value in the odd slice.
         found: String,
-        /// Its value in the slice it was held against.
+        /// Its value in the slice it was held against, and which that is.
         expected: String,
     },
     /// Slices that do not follow one another at equal distances.
@@ -211,7 +211,8 @@ fn list(series: &[DicomSeries]) -> String {
             "" => "no description".into(),
             text => format!("\"{}\"", excerpt(text)),
         };
-        format!("{} ({description}, {} slices)", excerpt(&series.uid), series.slices)
+        let plural = if series.slices == 1 { "" } else { "s" };
+        format!("{} ({description}, {} slice{plural})", excerpt(&series.uid), series.slices)
     };
     let shown: Vec<String> = series.iter().take(SHOWN).map(one).collect();
     match series.len().saturating_sub(SHOWN) {

@@ -116,7 +116,10 @@ impl VoxelBox {
 
     /// Grown by some voxels on all sides, within a grid of a size.
     pub fn grown(&self, by: u32, size: UVec3) -> Self {
-        Self { min: self.min.saturating_sub(UVec3::splat(by)), max: self.max.saturating_add(UVec3::splat(by)).min(size) }
+        Self {
+            min: self.min.saturating_sub(UVec3::splat(by)),
+            max: self.max.saturating_add(UVec3::splat(by)).min(size),
+        }
     }
 }
 

@@ -3,7 +3,7 @@
 use super::structures::Structures;
 use super::{VolumeGrid, VoxelBox};
 use bevy::reflect::Reflect;
-use glam::{DVec3, Mat3, UVec3, Vec3};
+use glam::{DAffine3, DVec3, IVec3, Mat3, UVec3, Vec3};
 use rayon::prelude::*;
 use std::sync::Arc;
 
@@ -25,7 +25,7 @@ const NUDGE_VOXELS: f64 = 1e-7;
 pub struct VolumePicker {
     grid: VolumeGrid,
     structures: Arc<Structures>,
-    voxel_from_volume: glam::DAffine3,
+    voxel_from_volume: DAffine3,
     volume_from_gradient: Mat3,
     blocks: UVec3,
     may_be_matter: Vec<bool>,
@@ -77,7 +77,7 @@ impl VolumePicker {
         if structures.solid().len() != grid.count() || grid.size.min_element() == 0 {
             return None;
         }
-        let volume_from_voxel = glam::DAffine3::from_cols_array(&grid.volume_from_voxel().to_cols_array().map(f64::from));
+        let volume_from_voxel = DAffine3::from_cols_array(&grid.volume_from_voxel().to_cols_array().map(f64::from));
         let voxel_from_volume = volume_from_voxel.inverse();
         // Cells are numbered from the one before the first voxel: cell `c` is between the voxels `c - 1` and `c`.
         let blocks = grid.size / BLOCK_SIDE + 1;
@@ -90,7 +90,7 @@ impl VolumePicker {
         Some(Self {
             grid,
             voxel_from_volume,
-            volume_from_gradient: glam::DMat3::from(voxel_from_volume.matrix3).transpose().as_mat3(),
+            volume_from_gradient: voxel_from_volume.matrix3.transpose().as_mat3(),
             blocks,
             may_be_matter: may_be_matter.collect(),
             structures,
@@ -135,33 +135,35 @@ impl VolumePicker {
         if !(origin.is_finite() && from <= to) {
             return None;
         }
-        let place = |distance: f64| origin + along * distance;
-        let (start, first) = (from, self.cell(place(from), &remaining));
-        if first.filling_at(place(from)) >= SURFACE {
+        // Distances are counted from where the ray enters the grid, lest they lose digits for rays from far away.
+        let (start, far) = (origin + along * from, to - from);
+        let place = |distance: f64| start + along * distance;
+        if self.cell(start, &remaining).filling_at(start) >= SURFACE {
             let normal = side.map(|axis| {
                 // Through a side of the grid: the side is the surface.
                 let mut out = Vec3::ZERO;
                 out[axis] = -along[axis].signum() as f32;
                 (self.volume_from_gradient * out).normalize_or_zero()
             });
-            return Some(self.hit(from, place(from), direction, origin_m, normal, &remaining));
+            return Some(self.hit(from, start, direction, origin_m, normal, &remaining));
         }
         let nudge = NUDGE_VOXELS / along.length();
-        let mut at = start;
-        while at <= to {
+        let mut at = 0.0;
+        while at <= far {
             let shifted = place(at) + 1.0;
             let block = (shifted / f64::from(BLOCK_SIDE)).floor();
             if !self.may_be_matter_in(block) {
-                at = exit(origin + 1.0, along, block * f64::from(BLOCK_SIDE), f64::from(BLOCK_SIDE)).max(at) + nudge;
+                at = exit(start + 1.0, along, block * f64::from(BLOCK_SIDE), f64::from(BLOCK_SIDE)).max(at) + nudge;
                 continue;
             }
-            let leaves = exit(origin + 1.0, along, shifted.floor(), 1.0).clamp(at, to);
+            let leaves = exit(start + 1.0, along, shifted.floor(), 1.0).clamp(at, far);
             let cell = self.cell(place((at + leaves) * 0.5), &remaining);
             if cell.filling.iter().any(|&filling| filling >= SURFACE)
-                && let Some(share) = first_crossing(|share| cell.filling_at(place(at + (leaves - at) * share)) - SURFACE)
+                && let Some(share) =
+                    first_crossing(|share| cell.filling_at(place(at + (leaves - at) * share)) - SURFACE)
             {
                 let distance = at + (leaves - at) * share;
-                return Some(self.hit(distance, place(distance), direction, origin_m, None, &remaining));
+                return Some(self.hit(from + distance, place(distance), direction, origin_m, None, &remaining));
             }
             at = leaves + nudge;
         }
@@ -192,7 +194,7 @@ impl VolumePicker {
     }
 
     fn may_be_matter_in(&self, block: DVec3) -> bool {
-        let block = block.as_ivec3().clamp(glam::IVec3::ZERO, self.blocks.as_ivec3() - 1).as_uvec3();
+        let block = block.as_ivec3().clamp(IVec3::ZERO, self.blocks.as_ivec3() - 1).as_uvec3();
         self.may_be_matter[((block.z * self.blocks.y + block.y) * self.blocks.x + block.x) as usize]
     }
 
@@ -201,8 +203,8 @@ impl VolumePicker {
         let last = self.grid.size.as_ivec3() - 1;
         let low = at_voxel.floor().as_ivec3();
         let voxels = std::array::from_fn(|corner| {
-            let offset = glam::IVec3::new((corner & 1) as i32, (corner >> 1 & 1) as i32, (corner >> 2 & 1) as i32);
-            (low + offset).clamp(glam::IVec3::ZERO, last).as_uvec3()
+            let offset = IVec3::new((corner & 1) as i32, (corner >> 1 & 1) as i32, (corner >> 2 & 1) as i32);
+            (low + offset).clamp(IVec3::ZERO, last).as_uvec3()
         });
         let filling = voxels.map(|voxel| match self.structures.solid()[self.grid.index(voxel)] {
             0 => 0.0,
@@ -300,7 +302,8 @@ mod tests {
     /// Structures of a grid whose solid share is given per voxel; label 1 for x below a voxel, 2 beyond.
     fn picker(size: UVec3, spacing_mm: DVec3, border: u32, solid: impl Fn(Vec3) -> f32) -> VolumePicker {
         let grid = VolumeGrid::upright(size, spacing_mm);
-        let voxels = (0..size.z).flat_map(|z| (0..size.y).flat_map(move |y| (0..size.x).map(move |x| UVec3::new(x, y, z))));
+        let voxels =
+            (0..size.z).flat_map(|z| (0..size.y).flat_map(move |y| (0..size.x).map(move |x| UVec3::new(x, y, z))));
         let (mut filled, mut labels) = (Vec::new(), Vec::new());
         for voxel in voxels {
             let share = (solid(voxel.as_vec3()).clamp(0.0, 1.0) * 255.0).round() as u8;
@@ -393,15 +396,27 @@ mod tests {
             // Without a greatest distance the grid itself is the limit.
             assert!(hit.is_none() || far.is_nan(), "{origin} {direction} {far}: {hit:?}");
         }
+        // From very far away numbers are coarse, but every ray ends.
+        for far in [1e4_f32, 1e12, f32::MAX] {
+            picker.pick(Vec3::X * far, Vec3::NEG_X, f32::MAX, untouched);
+            picker.pick(Vec3::splat(far), Vec3::NEG_ONE, f32::INFINITY, |_| 0.4);
+            picker.pick(Vec3::new(far, 0.1, 0.0), Vec3::new(-1.0, 1e-30, 1e-6), f32::INFINITY, |_| 0.4);
+        }
         let grid = VolumeGrid::upright(UVec3::splat(5), DVec3::ONE);
         assert!(VolumePicker::new(grid, picker.structures().clone()).is_none());
     }
 
     /// The first place where a fine walk along the ray finds matter, voxels from its start.
-    fn by_walking(picker: &VolumePicker, origin: Vec3, along: Vec3, far: f32, remaining: impl Fn(UVec3) -> f32) -> Option<f32> {
-        (0..(far * 100.0) as u32).map(|step| step as f32 * 0.01).find(|&distance| {
-            picker.filling_at(origin + along * distance, &remaining) >= SURFACE as f32
-        })
+    fn by_walking(
+        picker: &VolumePicker,
+        origin: Vec3,
+        along: Vec3,
+        far: f32,
+        remaining: impl Fn(UVec3) -> f32,
+    ) -> Option<f32> {
+        (0..(far * 100.0) as u32)
+            .map(|step| step as f32 * 0.01)
+            .find(|&distance| picker.filling_at(origin + along * distance, &remaining) >= SURFACE as f32)
     }
 
     #[test]
@@ -412,9 +427,15 @@ mod tests {
         let lumps: Vec<f32> = (0..size.element_product()).map(|_| random.random_range(0.0..1.0_f32)).collect();
         let grid = VolumeGrid::upright(size, DVec3::ONE);
         let is_lump = |voxel: Vec3| (voxel * 0.4).to_array().map(f32::sin).iter().product::<f32>() > 0.35;
-        let picker = picker(size, DVec3::ONE, 9, |voxel| {
-            if is_lump(voxel) { 0.4 + lumps[grid.index(voxel.as_uvec3())] } else { 0.0 }
-        });
+        let picker =
+            picker(
+                size,
+                DVec3::ONE,
+                9,
+                |voxel| {
+                    if is_lump(voxel) { 0.4 + lumps[grid.index(voxel.as_uvec3())] } else { 0.0 }
+                },
+            );
         assert!(picker.may_be_matter.contains(&false) && picker.may_be_matter.contains(&true));
         let cut = |voxel: UVec3| if voxel.y.is_multiple_of(5) { 0.0 } else { (voxel.z % 4) as f32 / 3.0 };
         let volume_from_voxel: Affine3A = grid.volume_from_voxel();
@@ -450,7 +471,8 @@ mod tests {
 
     #[test]
     fn first_crossings_of_cubics() {
-        let of = |zeros: [f64; 3], sign: f64| first_crossing(|x| zeros.iter().map(|zero| x - zero).product::<f64>() * sign);
+        let of =
+            |zeros: [f64; 3], sign: f64| first_crossing(|x| zeros.iter().map(|zero| x - zero).product::<f64>() * sign);
         let near = |found: Option<f64>, expected: f64| found.is_some_and(|found| (found - expected).abs() < 2e-6);
         assert!(near(of([0.2, 0.5, 0.9], 1.0), 0.2));
         assert!(near(of([-0.2, 0.5, 0.9], -1.0), 0.5));

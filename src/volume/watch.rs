@@ -73,7 +73,10 @@ fn measure(mut commands: Commands, volumes: Res<Assets<Volume>>, mut watched: Qu
 
 fn follow_cuts(
     volumes: Res<Assets<Volume>>,
-    mut watched: Query<(&CtVolume, &CutVolume, &mut CriticalDistances), Or<(Changed<CutVolume>, Added<CriticalDistances>)>>,
+    mut watched: Query<
+        (&CtVolume, &CutVolume, &mut CriticalDistances),
+        Or<(Changed<CutVolume>, Added<CriticalDistances>)>,
+    >,
 ) {
     for (body, cut, mut distances) in &mut watched {
         let Some(structures) = volumes.get(&body.0).and_then(Volume::structures) else { continue };

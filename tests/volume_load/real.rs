@@ -43,7 +43,10 @@ fn real_volumes_agree_with_independent_readers() {
         for sample in samples {
             let ijk = numbers(&sample["ijk"]);
             let (found, expected) = (value(&ijk), sample["value"].as_f64().unwrap());
-            assert!((found - expected).abs() <= 1e-6 * expected.abs().max(1.0), "{name} {ijk:?}: {found} is {expected}");
+            assert!(
+                (found - expected).abs() <= 1e-6 * expected.abs().max(1.0),
+                "{name} {ijk:?}: {found} is {expected}"
+            );
         }
 
         let all: Vec<f64> = match volume.voxels() {
@@ -55,7 +58,10 @@ fn real_volumes_agree_with_independent_readers() {
         let mean = all.iter().sum::<f64>() / all.len() as f64;
         for (field, found) in [("min", least), ("max", greatest), ("mean", mean)] {
             let expected = expected[field].as_f64().unwrap();
-            assert!((found - expected).abs() <= 1e-6 * expected.abs().max(1.0), "{name} {field}: {found} is {expected}");
+            assert!(
+                (found - expected).abs() <= 1e-6 * expected.abs().max(1.0),
+                "{name} {field}: {found} is {expected}"
+            );
         }
         if !matches!(volume.voxels(), Voxels::Rgba(_)) {
             assert_eq!(volume.range(), [least, greatest], "{name}");
@@ -67,7 +73,9 @@ fn real_volumes_agree_with_independent_readers() {
         let file_from_lps = if is_ras { DVec3::new(-1.0, -1.0, 1.0) } else { DVec3::ONE };
         let rows: Vec<Vec<f64>> = affine.as_array().unwrap().iter().map(numbers).collect();
         let ours = grid.lps_mm_from_voxel;
-        for (at, column) in [ours.matrix3.x_axis, ours.matrix3.y_axis, ours.matrix3.z_axis, ours.translation].into_iter().enumerate() {
+        for (at, column) in
+            [ours.matrix3.x_axis, ours.matrix3.y_axis, ours.matrix3.z_axis, ours.translation].into_iter().enumerate()
+        {
             let expected = DVec3::new(rows[0][at], rows[1][at], rows[2][at]);
             let found = column * file_from_lps;
             assert!(found.distance(expected) < 1e-4, "{name} column {at}: {found} is {expected}");
@@ -113,8 +121,5 @@ fn a_pictures_spacing_is_the_callers() {
     let Some(path) = real_file("ct/breast-mr.nrrd") else { return };
     let options = VolumeLoadOptions { spacing_mm: Some([1.0, 2.0, 3.0]), ..VolumeLoadOptions::default() };
     let (volume, _) = load_path(path, &options).unwrap();
-    super::assert_place(
-        &volume,
-        [[-116.54304, -48.144654, 9.45], [1.0, 0.0, 0.0], [0.0, 2.0, 0.0], [0.0, 0.0, 3.0]],
-    );
+    super::assert_place(&volume, [[-116.54304, -48.144654, 9.45], [1.0, 0.0, 0.0], [0.0, 2.0, 0.0], [0.0, 0.0, 3.0]]);
 }

@@ -34,7 +34,8 @@ fn compare(name: &str, volume: &Volume, transfer: &TransferFunction) {
     let distances = BlockDistances::new(&BlockRanges::new(volume), table.entries());
     let mut field = RenderField::new(volume);
     if transfer.colour_source == ColourSource::Voxels {
-        field = field.with_colours(colours(volume, volume.structures().map(AsRef::as_ref))).expect("one for each voxel");
+        field =
+            field.with_colours(colours(volume, volume.structures().map(AsRef::as_ref))).expect("one for each voxel");
     }
     let size_px = UVec2::new(160, 120);
     for (side, direction) in [Vec3::Z, Vec3::new(0.8, 0.5, 0.6), Vec3::new(-0.7, -0.2, 0.4)].into_iter().enumerate() {
@@ -73,7 +74,8 @@ fn a_head_looks_the_same_as_rays_and_as_slices() {
 #[test]
 fn a_temporal_bone_looks_the_same_as_rays_and_as_slices() {
     let Some(path) = real_file("ct/temporal-bone-png") else { return };
-    let options = VolumeLoadOptions { spacing_mm: Some([49.2 / 256.0, 49.2 / 256.0, 48.5 / 252.0]), ..Default::default() };
+    let options =
+        VolumeLoadOptions { spacing_mm: Some([49.2 / 256.0, 49.2 / 256.0, 48.5 / 252.0]), ..Default::default() };
     let (volume, _) = load_path(&path, &options).expect("a real bone loads");
     compare("temporal bone", &volume, &TransferFunction::for_volume(&volume));
 }

@@ -21,7 +21,12 @@ fn skipping_what_is_empty_changes_nothing() {
         let size = UVec3::from_array(std::array::from_fn(|_| random.random_range(1..40)));
         // A few lumps in the void; the first and last voxel span the range.
         let lumps: Vec<(Vec3, f32)> = (0..6)
-            .map(|_| (size.as_vec3() * Vec3::from_array(std::array::from_fn(|_| random.random::<f32>())), random.random_range(0.5..4.0)))
+            .map(|_| {
+                (
+                    size.as_vec3() * Vec3::from_array(std::array::from_fn(|_| random.random::<f32>())),
+                    random.random_range(0.5..4.0),
+                )
+            })
             .collect();
         let last = size.as_vec3() - 1.0;
         let mut volume_size = size;
@@ -38,31 +43,25 @@ fn skipping_what_is_empty_changes_nothing() {
         let threshold = random.random_range(0..900);
         let opacity = random.random_range(0.01..1.0_f32);
         let table: Vec<[f32; 4]> = (0..TABLE_ENTRIES)
-            .map(|entry| [entry as f32 / 1023.0, 1.0, 0.3, if entry > threshold && entry % 300 > 40 { opacity } else { 0.0 }])
+            .map(|entry| {
+                [entry as f32 / 1023.0, 1.0, 0.3, if entry > threshold && entry % 300 > 40 { opacity } else { 0.0 }]
+            })
             .collect();
         let ranges = BlockRanges::new(&volume);
         let mut distances = BlockDistances::new(&ranges, &table);
         let mut field = RenderField::new(&volume);
         // Cut away some boxes.
         for _ in 0..case % 4 {
-            let corners: [UVec3; 2] =
-                std::array::from_fn(|_| UVec3::from_array(volume_size.to_array().map(|side| random.random_range(0..side))));
+            let corners: [UVec3; 2] = std::array::from_fn(|_| {
+                UVec3::from_array(volume_size.to_array().map(|side| random.random_range(0..side)))
+            });
             let cut = VoxelBox { min: corners[0].min(corners[1]), max: corners[0].max(corners[1]) + 1 };
-            let mut remaining = field.clone();
-            remaining.cut(cut, |_, into| into.fill(0));
-            field = remaining;
-            let whole = field.clone();
+            field.cut(cut, |_, into| into.fill(0));
             distances.update(cut, |of, into| {
-                let row = |n: usize| (of.size().x as usize, n);
-                for (n, into) in into.iter_mut().enumerate() {
-                    let (width, n) = row(n);
-                    let voxel = of.min
-                        + UVec3::new(
-                            (n % width) as u32,
-                            (n / width) as u32 % of.size().y,
-                            (n / width) as u32 / of.size().y,
-                        );
-                    *into = (whole.remaining(voxel.as_vec3()) * 255.0).round() as u8;
+                let [width, height, _] = of.size().to_array();
+                for (place, into) in (0..).zip(into) {
+                    let voxel = of.min + UVec3::new(place % width, place / width % height, place / (width * height));
+                    *into = (field.remaining(voxel.as_vec3()) * 255.0).round() as u8;
                 }
             });
         }
@@ -129,14 +128,16 @@ fn clip_planes_cut_exactly() {
     let (field, table) = (RenderField::new(&volume), solid_table(1.0));
     let rays = rays_from(&volume, UVec2::new(48, 48), perspective(UVec2::new(48, 48), 0.3), Vec3::Z * 0.2, Vec3::ZERO);
     let volume_from_voxel = volume.grid().volume_from_voxel();
-    let in_volume = [Vec3::new(0.3, 0.2, -1.0).normalize().extend(0.004), Vec3::new(1.0, 0.4, 0.0).normalize().extend(0.006)];
+    let in_volume =
+        [Vec3::new(0.3, 0.2, -1.0).normalize().extend(0.004), Vec3::new(1.0, 0.4, 0.0).normalize().extend(0.006)];
     let clip_planes = in_volume.map(|plane| plane_in_voxels(plane, &volume_from_voxel));
     for voxel in [Vec3::ZERO, Vec3::new(3.0, 50.0, 20.0)] {
         let metres = in_volume[0].dot(volume_from_voxel.transform_point3(voxel).extend(1.0));
         assert!((clip_planes[0].dot(voxel.extend(1.0)) - metres).abs() < 1e-7);
     }
     let image = march(&rays, &MarchScene { clip_planes: &clip_planes, ..scene(&field, &table) });
-    let inside = |voxel: Vec3| clip_planes.iter().map(|plane| plane.dot(voxel.extend(1.0))).fold(f32::INFINITY, f32::min);
+    let inside =
+        |voxel: Vec3| clip_planes.iter().map(|plane| plane.dot(voxel.extend(1.0))).fold(f32::INFINITY, f32::min);
     let mut on_planes = 0;
     for (place, pixel) in pixels(rays.size_px()) {
         // The first plane where the ball is and nothing is clipped.

@@ -22,7 +22,8 @@ fn edges_are_not_smeared() {
     let (left, right) = (Vec3::new(0.6, 0.0, 0.8), Vec3::new(-0.6, 0.0, 0.8));
     // How much of the other side's direction pixels beside the edge take on after eight passes.
     let leakage = |step_voxels: f32| {
-        let image = normals_of(UVec2::new(20, 9), |pixel| if pixel.x < 10 { (left, 3.0) } else { (right, 3.0 + step_voxels) });
+        let image =
+            normals_of(UVec2::new(20, 9), |pixel| if pixel.x < 10 { (left, 3.0) } else { (right, 3.0 + step_voxels) });
         let smoothed = smooth(&image, 8, 4.0);
         assert!(smoothed.texels.iter().zip(&image.texels).all(|(after, before)| after[3] == before[3]), "depths stay");
         (0..10).map(|x| (0.6 - normal(&smoothed, x, 4).x) / 1.2).fold(0.0, f32::max)
@@ -41,7 +42,8 @@ fn noise_falls_as_much_as_box_filters_lower_it() {
     let mut error = || random.random_range(-0.05..0.05_f32);
     let image = normals_of(UVec2::new(150, 150), |_| (Vec3::new(error(), error(), 1.0).normalize(), 7.0));
     let spread = |image: &NormalImage| {
-        let inner = pixels(image.size_px).filter(|(_, pixel)| pixel.cmpge(UVec2::splat(10)).all() && pixel.cmplt(UVec2::splat(140)).all());
+        let inner = pixels(image.size_px)
+            .filter(|(_, pixel)| pixel.cmpge(UVec2::splat(10)).all() && pixel.cmplt(UVec2::splat(140)).all());
         let squares: Vec<f32> = inner.map(|(place, _)| image.texels[place][0].powi(2)).collect();
         (squares.iter().sum::<f32>() / squares.len() as f32).sqrt()
     };
@@ -65,7 +67,11 @@ fn noise_falls_as_much_as_box_filters_lower_it() {
 #[test]
 fn pixels_that_show_nothing_take_no_part() {
     let tilted = Vec3::new(0.0, 0.6, 0.8);
-    let image = normals_of(UVec2::new(9, 9), |pixel| if pixel == UVec2::splat(4) { (tilted, 1.0) } else { (Vec3::ZERO, 60_000.0) });
+    let image =
+        normals_of(
+            UVec2::new(9, 9),
+            |pixel| if pixel == UVec2::splat(4) { (tilted, 1.0) } else { (Vec3::ZERO, 60_000.0) },
+        );
     let smoothed = smooth(&image, 5, 4.0);
     assert!(normal(&smoothed, 4, 4).distance(tilted) < 1e-6);
     assert_eq!((0..81).filter(|&place| smoothed.normal(place).is_some()).count(), 1);
@@ -96,7 +102,9 @@ fn plane(normal: impl Fn(UVec2) -> Vec3) -> (ViewRays, VolumeImage) {
 }
 
 fn lamp(to_light: Vec3) -> impl Fn(Vec3, &mut Vec<IncidentLight>) + Sync {
-    move |_, lights| lights.push(IncidentLight { to_light, illuminance_lux: Vec3::new(PI, 2.0 * PI, PI), ambient_fraction: 0.0 })
+    move |_, lights| {
+        lights.push(IncidentLight { to_light, illuminance_lux: Vec3::new(PI, 2.0 * PI, PI), ambient_fraction: 0.0 })
+    }
 }
 
 fn close(a: [f32; 4], b: [f32; 4]) -> bool {
@@ -144,7 +152,8 @@ fn the_film_reflects_like_water() {
 
 #[test]
 fn smoothed_normals_feed_what_they_are_asked_to() {
-    let (rays, image) = plane(|pixel| Vec3::new(if (pixel.x + pixel.y) % 2 == 0 { 0.5 } else { -0.5 }, 0.0, 1.0).normalize());
+    let (rays, image) =
+        plane(|pixel| Vec3::new(if (pixel.x + pixel.y) % 2 == 0 { 0.5 } else { -0.5 }, 0.0, 1.0).normalize());
     let lit = |smoothed: SmoothedNormals, shine: f32| {
         let wet = WetShading { smoothed, shine, ..WetShading::default() };
         shade(&image, &rays, &wet, Vec3::ZERO, lamp(Vec3::new(0.6, 0.0, 0.8)))

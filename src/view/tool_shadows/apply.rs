@@ -16,11 +16,7 @@ pub(super) fn keep_depth(view: ViewQuery<&ViewDepthTexture>, shadows: Res<ToolSh
     let encoder = ctx.command_encoder();
     let span = diagnostics.time_span(encoder, "tool_shadows_keep_depth");
     // The whole texture: parts of depth textures cannot be copied.
-    encoder.copy_texture_to_texture(
-        depth.texture.as_image_copy(),
-        shades.kept.as_image_copy(),
-        depth.texture.size(),
-    );
+    encoder.copy_texture_to_texture(depth.texture.as_image_copy(), shades.kept.as_image_copy(), depth.texture.size());
     span.end(encoder);
 }
 

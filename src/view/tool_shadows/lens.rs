@@ -192,8 +192,7 @@ mod tests {
     #[test]
     fn noise_fills_its_range_in_every_neighbourhood() {
         for corner in [UVec2::ZERO, UVec2::new(311, 77)] {
-            let mut values: Vec<f32> =
-                (0..9).map(|i| shadow_noise(corner + UVec2::new(i % 3, i / 3))).collect();
+            let mut values: Vec<f32> = (0..9).map(|i| shadow_noise(corner + UVec2::new(i % 3, i / 3))).collect();
             values.sort_by(f32::total_cmp);
             assert!(values[0] >= 0.0 && values[8] < 1.0);
             for (i, value) in values.iter().enumerate() {

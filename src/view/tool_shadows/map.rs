@@ -214,9 +214,10 @@ pub(super) fn prepare_maps(
     if count > 0 {
         maps.uniforms.write_buffer(&device, &queue);
         let layout = cache.get_bind_group_layout(&pipeline.layout);
-        maps.group = maps.uniforms.binding().map(|binding| {
-            device.create_bind_group("tool_shadow_map", &layout, &BindGroupEntries::single(binding))
-        });
+        maps.group = maps
+            .uniforms
+            .binding()
+            .map(|binding| device.create_bind_group("tool_shadow_map", &layout, &BindGroupEntries::single(binding)));
         if let Some(uploaded) = uploaded {
             uploaded.add(count * ToolCasterUniform::min_size().get());
         }
@@ -281,8 +282,7 @@ pub(super) fn draw_maps(
 ) {
     let ToolShadowMaps { lamps, group, redraws, .. } = &mut *maps;
     for map in lamps.values_mut().filter(|map| map.drawn.as_ref() != Some(&map.wanted)) {
-        let pipelines: Option<Vec<_>> =
-            map.draws.iter().map(|draw| cache.get_render_pipeline(draw.pipeline)).collect();
+        let pipelines: Option<Vec<_>> = map.draws.iter().map(|draw| cache.get_render_pipeline(draw.pipeline)).collect();
         // Until all of them are compiled the old map stays.
         let Some(pipelines) = pipelines else { continue };
         let diagnostics = ctx.diagnostic_recorder();

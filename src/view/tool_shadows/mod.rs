@@ -151,10 +151,7 @@ pub(super) fn build(app: &mut App) {
             ),
         )
         // Once for all cameras.
-        .add_systems(
-            RenderGraph,
-            map::draw_maps.in_set(RenderGraphSystems::Render).before(camera_driver),
-        )
+        .add_systems(RenderGraph, map::draw_maps.in_set(RenderGraphSystems::Render).before(camera_driver))
         .add_systems(
             Core3d,
             (

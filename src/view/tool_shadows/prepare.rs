@@ -68,19 +68,13 @@ impl Specializer<RenderPipeline> for ApplySpecializer {
             descriptor.vertex.shader_defs.push("MULTISAMPLED".into());
             descriptor.fragment_mut()?.shader_defs.push("MULTISAMPLED".into());
         }
-        let component = |dst_factor| BlendComponent {
-            src_factor: BlendFactor::Zero,
-            dst_factor,
-            operation: BlendOperation::Add,
-        };
+        let component =
+            |dst_factor| BlendComponent { src_factor: BlendFactor::Zero, dst_factor, operation: BlendOperation::Add };
         descriptor.fragment_mut()?.set_target(
             0,
             ColorTargetState {
                 format: key.format,
-                blend: Some(BlendState {
-                    color: component(BlendFactor::SrcAlpha),
-                    alpha: component(BlendFactor::One),
-                }),
+                blend: Some(BlendState { color: component(BlendFactor::SrcAlpha), alpha: component(BlendFactor::One) }),
                 write_mask: ColorWrites::ALL,
             },
         );

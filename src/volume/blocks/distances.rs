@@ -241,7 +241,9 @@ impl Window {
             for y in within.min.y..within.max.y {
                 let start = visible.word(UVec3::new(first_word as u32 * 64, y, z));
                 let range = start..start + words_per_row;
-                words.extend(visible.words[range.clone()].iter().zip(&gone.words[range]).map(|(shows, gone)| shows & !gone));
+                words.extend(
+                    visible.words[range.clone()].iter().zip(&gone.words[range]).map(|(shows, gone)| shows & !gone),
+                );
             }
         }
         Self { min: within.min, rows, first_word, words_per_row, grown: words.clone(), words }

@@ -2,7 +2,7 @@
 
 use super::{BLOCK_SIDE, blocks_of, place, support_of};
 use crate::volume::transfer::{TABLE_ENTRIES, TransferTable};
-use crate::volume::{Volume, Voxels, VoxelBox};
+use crate::volume::{Volume, VoxelBox, Voxels};
 use bevy::reflect::Reflect;
 use glam::UVec3;
 use rayon::prelude::*;
@@ -95,7 +95,8 @@ fn entries_of<V: Sync, T: Copy + PartialOrd + Into<f64>>(
             let first = (block * BLOCK_SIDE as usize).saturating_sub(1);
             let last = ((block + 1) * BLOCK_SIDE as usize).min(width - 1);
             let low = least[first..=last].iter().copied().reduce(least_of).map_or(0.0, |low| normalized(low.into()));
-            let high = greatest[first..=last].iter().copied().reduce(greatest_of).map_or(0.0, |high| normalized(high.into()));
+            let high =
+                greatest[first..=last].iter().copied().reduce(greatest_of).map_or(0.0, |high| normalized(high.into()));
             // A negative slope turns the order round.
             let (low, high) = (TransferTable::index(low.min(high)), TransferTable::index(low.max(high)));
             *entries = [low.saturating_sub(1) as u16, (high + 1).min(TABLE_ENTRIES - 1) as u16];

@@ -1,7 +1,7 @@
 use super::*;
 use crate::volume::transfer::{TABLE_ENTRIES, TransferTable};
 use crate::volume::{Volume, VolumeGrid, Voxels};
-use glam::DVec3;
+use glam::{DVec3, Vec3Swizzles};
 use proptest::prelude::*;
 use rand_pcg::Pcg32;
 use rand_pcg::rand_core::Rng;
@@ -86,6 +86,7 @@ fn sparse(size: UVec3, bright: &[usize]) -> Volume {
         let count = voxels.len();
         voxels[place % count] = 200;
     }
+    // Spans the range, and shows itself.
     voxels[0] = 255;
     volume(size, Voxels::U8(voxels), 1.0)
 }
@@ -145,27 +146,36 @@ fn nothing_shows_without_opacity_and_everything_with_it() {
     assert_eq!(distances.set_table(&other, &table_above(-1.0)), None);
 }
 
+/// A long grid: distances beyond the cap, and few blocks that show at all.
+const LONG: UVec3 = UVec3::new(171, 11, 9);
+
 /// What one step does to the cut: a box, and the opacity it is set to.
-fn step(size: UVec3) -> impl Strategy<Value = (VoxelBox, u8)> {
-    let corner = move || (0..size.x, 0..size.y, 0..size.z).prop_map(|(x, y, z)| UVec3::new(x, y, z));
+fn step() -> impl Strategy<Value = (VoxelBox, u8)> {
+    let corner = (0..LONG.x, 0..LONG.y, 0..LONG.z).prop_map(|(x, y, z)| UVec3::new(x, y, z));
+    let extent = (1..30_u32, 1..12_u32, 1..12_u32).prop_map(|(x, y, z)| UVec3::new(x, y, z));
     let opacity = prop_oneof![3 => Just(0_u8), 1 => Just(255_u8), 1 => Just(1_u8)];
-    (corner(), corner(), opacity).prop_map(|(a, b, opacity)| (VoxelBox { min: a.min(b), max: a.max(b) + 1 }, opacity))
+    (corner, extent, opacity).prop_map(|(at, extent, opacity)| {
+        (VoxelBox { min: at.saturating_sub(extent), max: (at + extent).min(LONG) }, opacity)
+    })
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig::with_cases(48))]
+    #![proptest_config(ProptestConfig::with_cases(300))]
 
     #[test]
     fn local_updates_give_what_a_rebuild_gives(
-        bright in proptest::collection::vec(0_usize..100_000, 0..25),
-        steps in proptest::collection::vec(step(UVec3::new(77, 30, 19)), 1..8),
+        bright in proptest::collection::vec(0_usize..100_000, 0..5),
+        steps in proptest::collection::vec(step(), 1..10),
+        turns in 0..3,
     ) {
-        let size = UVec3::new(77, 30, 19);
+        let turned = |v: UVec3| (0..turns).fold(v, |v, _| v.yzx());
+        let size = turned(LONG);
         let ranges = BlockRanges::new(&sparse(size, &bright));
         let table = table_above(0.5);
         let mut distances = BlockDistances::new(&ranges, &table);
         let mut remaining = vec![255; size.element_product() as usize];
         for (changed, opacity) in steps {
+            let changed = VoxelBox { min: turned(changed.min), max: turned(changed.max) };
             for voxel in boxes(changed.size()) {
                 remaining[place(changed.min + voxel, size)] = opacity;
             }

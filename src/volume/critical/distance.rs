@@ -34,13 +34,7 @@ pub struct StructureDistance {
 impl StructureDistance {
     /// The field of one structure; none if no voxel has the label, or the structures or the cut are another grid's. The band
     /// is taken between 0.01 mm and [`MAX_BAND_MM`].
-    pub fn build(
-        grid: &VolumeGrid,
-        structures: &Structures,
-        cut: &CutVolume,
-        label: u8,
-        band_mm: f32,
-    ) -> Option<Self> {
+    pub fn build(grid: &VolumeGrid, structures: &Structures, cut: &CutVolume, label: u8, band_mm: f32) -> Option<Self> {
         let structure = bounds_by_label(grid, structures, cut)?[usize::from(label)]?;
         Some(Self::build_within(grid, structures, cut, label, band_mm, structure))
     }
@@ -53,7 +47,7 @@ impl StructureDistance {
         band_mm: f32,
         structure: VoxelBox,
     ) -> Self {
-        let band_mm = band_mm.max(0.01).min(MAX_BAND_MM);
+        let band_mm = if band_mm > 0.01 { band_mm.min(MAX_BAND_MM) } else { 0.01 };
         let spacing_mm = safe_spacing_mm(grid);
         let bounds = grown(structure, window(spacing_mm, band_mm), grid.size);
         let mut field =

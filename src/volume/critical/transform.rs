@@ -25,10 +25,8 @@ pub(super) fn distances(
     let seen = grown(of, window, size);
     let (width, height) = (of.size().x as usize, of.size().y as usize);
     // Squares along x and y, by slices; none where no voxel is near.
-    let slices: Vec<Option<Vec<f32>>> = (seen.min.z..seen.max.z)
-        .into_par_iter()
-        .map(|z| slice(of, seen, z, spacing_mm, window.y, is_there))
-        .collect();
+    let slices: Vec<Option<Vec<f32>>> =
+        (seen.min.z..seen.max.z).into_par_iter().map(|z| slice(of, seen, z, spacing_mm, window.y, is_there)).collect();
     let mut distances = vec![BEYOND; of.count()];
     distances.par_chunks_mut(width * height).zip(of.min.z..of.max.z).for_each(|(distances, z)| {
         let mut nearest: Option<Vec<f32>> = None;

@@ -28,11 +28,8 @@ pub(super) struct Bricks {
 
 impl Bricks {
     pub fn new(size: UVec3) -> Self {
-        let counts = UVec3::new(
-            size.x.div_ceil(SIDE as u32),
-            size.y.div_ceil(SIDE as u32),
-            size.z.div_ceil(SIDE as u32),
-        );
+        let counts =
+            UVec3::new(size.x.div_ceil(SIDE as u32), size.y.div_ceil(SIDE as u32), size.z.div_ceil(SIDE as u32));
         let count = counts.x as usize * counts.y as usize * counts.z as usize;
         Self { size, counts, list: vec![None; count] }
     }

@@ -87,7 +87,8 @@ mod tests {
     #[test]
     fn distances_survive_any_grid() {
         let turn = DMat3::from_quat(DQuat::from_euler(glam::EulerRot::XYZ, 0.4, -1.1, 2.0));
-        let skewed = DMat3::from_cols(DVec3::new(0.3, 0.0, 0.0), DVec3::new(0.05, 0.4, 0.0), DVec3::new(0.1, -0.2, 0.8));
+        let skewed =
+            DMat3::from_cols(DVec3::new(0.3, 0.0, 0.0), DVec3::new(0.05, 0.4, 0.0), DVec3::new(0.1, -0.2, 0.8));
         let mirrored = skewed * DMat3::from_diagonal(DVec3::new(1.0, -1.0, 1.0));
         for axes in [DMat3::from_diagonal(DVec3::splat(0.2)), turn * skewed, turn * mirrored] {
             let grid = VolumeGrid {

@@ -10,13 +10,12 @@ mod burr;
 mod changes;
 mod drill;
 mod frame;
+mod gather;
 mod journal;
 mod save;
 mod sweep;
 
-pub use burr::{
-    BURR_DIAMETERS_M, Burr, BurrError, BurrKind, BurrPose, BurrShape, BurrStroke, MAX_BURR_LENGTH_M,
-};
+pub use burr::{BURR_DIAMETERS_M, Burr, BurrError, BurrKind, BurrPose, BurrShape, BurrStroke, MAX_BURR_LENGTH_M};
 pub use drill::Removal;
 pub use save::CutError;
 
@@ -28,7 +27,7 @@ use bevy::ecs::reflect::ReflectComponent;
 use bevy::reflect::Reflect;
 use bricks::Bricks;
 use changes::Changes;
-use drill::Scratch;
+use gather::Scratch;
 use glam::{UVec3, Vec3};
 use journal::Journal;
 use std::fmt;

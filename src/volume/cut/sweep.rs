@@ -204,12 +204,14 @@ impl<const MOVES: bool, const ISOTROPIC: bool> Capsule<MOVES, ISOTROPIC> {
     pub fn new(frame: &GridFrame, radius_mm: f64, tube: &Tube) -> Self {
         let w = frame.ramp_mm;
         let square = tube.along_mm.length_squared();
+        let lessened = |radius: f64| ((radius_mm - radius) / (w * w)) as f32;
+        let ball = lessened(ball_radius(radius_mm, w));
         Self {
             along: tube.along_mm,
             per_square: if square > 0.0 { 1.0 / square } else { 0.0 },
             radius: radius_mm as f32,
-            ball: ((radius_mm - ball_radius(radius_mm, w)) / (w * w)) as f32,
-            round: ((radius_mm - round_radius(radius_mm, w)) / (w * w)) as f32,
+            ball,
+            round: if square > 0.0 { lessened(round_radius(radius_mm, w)) } else { ball },
             ramp: Ramp::new(frame),
         }
     }
@@ -225,12 +227,13 @@ impl<const MOVES: bool, const ISOTROPIC: bool> Body for Capsule<MOVES, ISOTROPIC
             let mut less = self.ball;
             if MOVES {
                 let t = (px * along.x + row) * self.per_square;
+                // Arithmetic in place of a choice, which would not be vectorised. The round reaches a trifle beyond its ends,
+                // so that no voxel falls between those of two pieces.
+                less -= (if t * (1.0 - t) > -1e-3 { 1.0 } else { 0.0 }) * (self.ball - self.round);
                 let t = lesser(greater(t, 0.0), 1.0);
                 px -= t * along.x;
                 py -= t * along.y;
                 pz -= t * along.z;
-                // 0 at both ends; arithmetic in place of a choice, for that would not be vectorised.
-                less -= if t * (1.0 - t) > 0.0 { 1.0 } else { 0.0 } * (self.ball - self.round);
             }
             let distance = (px * px + py * py + pz * pz).sqrt();
             let (per_width, square) = self.ramp.along::<ISOTROPIC>(px, py, pz, distance);

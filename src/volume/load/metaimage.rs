@@ -25,9 +25,14 @@ pub(super) fn read(bytes: &[u8], options: &VolumeLoadOptions, fetch: Fetch<'_>) 
     let side = |at: usize| sizes.get(at).copied().unwrap_or(1);
     let size = checked_size([side(0), side(1), side(2)])?;
     let frames = side(3);
-    let channels = match header.get("ElementNumberOfChannels").map_or(Ok(1), |text| whole("ElementNumberOfChannels", text))? {
+    let channels = match header
+        .get("ElementNumberOfChannels")
+        .map_or(Ok(1), |text| whole("ElementNumberOfChannels", text))?
+    {
         channels @ (1 | 3 | 4) => channels as u64,
-        other => return Err(unsupported(format!("ElementNumberOfChannels {other}"), "save 1, 3 (RGB) or 4 (RGBA) of them")),
+        other => {
+            return Err(unsupported(format!("ElementNumberOfChannels {other}"), "save 1, 3 (RGB) or 4 (RGBA) of them"));
+        }
     };
     let element = element(&header)?;
     if channels > 1 && element != Element::U8 {
@@ -182,7 +187,7 @@ fn grid(header: &Header, dimension: usize, size: UVec3) -> Result<VolumeGrid, Vo
     if let Some((name, text)) = header.first(&ORIGIN) {
         for (at, value) in numbers(name, text, dimension)?.into_iter().enumerate().take(3) {
             if !value.is_finite() {
-                return Err(malformed(name, format!("{value} is not a finite number")));
+                return Err(malformed(name, format!("{value:?} is not a finite number")));
             }
             origin_mm[at] = value;
         }
@@ -216,13 +221,22 @@ impl Data {
             return Err(malformed("HeaderSize", format!("{skipped} is less than -1")));
         }
         if skipped == -1 && (packing != Packing::None || !is_binary) {
-            return Err(malformed("HeaderSize", "-1 has a meaning for raw voxels only, not for packed or written ones"));
+            return Err(malformed(
+                "HeaderSize",
+                "-1 has a meaning for raw voxels only, not for packed or written ones",
+            ));
         }
         Ok(Self { element, order, is_binary, packing, skipped })
     }
 
     /// All bytes of all voxels, from the file itself or from those that it names.
-    fn read<'b>(&self, header: &Header<'b>, file: &'b [u8], total: u64, fetch: Fetch<'_>) -> Result<Cow<'b, [u8]>, VolumeFault> {
+    fn read<'b>(
+        &self,
+        header: &Header<'b>,
+        file: &'b [u8],
+        total: u64,
+        fetch: Fetch<'_>,
+    ) -> Result<Cow<'b, [u8]>, VolumeFault> {
         let field = "ElementDataFile";
         let named = header.required(field)?;
         let names = match named {

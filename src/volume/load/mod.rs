@@ -31,6 +31,7 @@ use glam::{DAffine3, DMat3, DVec3, UVec3};
 use serde::{Deserialize, Serialize};
 use siblings::Fetch;
 use std::fmt;
+use std::ops::RangeInclusive;
 use std::path::Path;
 
 /// What to read from a file or folder that holds more than one volume, and where its voxels lie if it does not say so rightly.
@@ -197,10 +198,7 @@ pub fn parse_folder(
 ///
 /// # Errors
 /// Everything in [`VolumeFault`].
-pub fn load_path(
-    path: impl AsRef<Path>,
-    options: &VolumeLoadOptions,
-) -> Result<(Volume, LoadReport), VolumeError> {
+pub fn load_path(path: impl AsRef<Path>, options: &VolumeLoadOptions) -> Result<(Volume, LoadReport), VolumeError> {
     let path = path.as_ref();
     let named = path.display().to_string();
     let unreadable =
@@ -248,10 +246,10 @@ impl SliceFault {
 
 fn check_options(options: &VolumeLoadOptions) -> Result<(), VolumeFault> {
     let Some(spacing_mm) = options.spacing_mm else { return Ok(()) };
-    if spacing_mm.iter().all(|spacing| spacing.is_finite() && *spacing > 0.0) {
+    if spacing_mm.iter().all(|spacing| STEPS_MM.contains(spacing)) {
         return Ok(());
     }
-    let reason = format!("{spacing_mm:?} are not three positive numbers of millimetres");
+    let reason = format!("{spacing_mm:?} are not three numbers from 1e-6 to 1e6 millimetres");
     Err(VolumeFault::BadOption { field: "spacing_mm".into(), reason })
 }
 
@@ -261,7 +259,15 @@ fn finish(parsed: Parsed, options: &VolumeLoadOptions) -> Result<(Volume, LoadRe
         let scale = DMat3::from_diagonal(DVec3::from_array(spacing_mm) / grid.spacing_mm());
         grid.lps_mm_from_voxel.matrix3 *= scale;
     }
-    Ok((Volume::new(grid, voxels, slope, intercept)?, report))
+    let volume = Volume::new(grid, voxels, slope, intercept)?;
+    let [least, greatest] = volume.range();
+    match (greatest - least).is_finite() {
+        true => Ok((volume, report)),
+        false => Err(malformed(
+            "slope and intercept",
+            format!("{slope:?} and {intercept:?} take the values beyond all numbers"),
+        )),
+    }
 }
 
 /// The frame that the options ask for, of so many.
@@ -290,18 +296,29 @@ fn placed_grid(size: UVec3, steps_mm: [DVec3; 3], origin_mm: DVec3, field: &str)
     let [i, j, k] = steps_mm;
     let matrix = DMat3::from_cols(i, j, k);
     for (step, axis) in steps_mm.into_iter().zip(["first", "second", "third"]) {
-        if !step.is_finite() || step.length() == 0.0 {
-            return Err(malformed(field, format!("the {axis} axis has the step {step} mm; it must have a length")));
+        if !STEPS_MM.contains(&step.length()) {
+            let reason =
+                format!("the {axis} axis has steps of {} mm; a length from 1e-6 to 1e6 mm is needed", shown(step));
+            return Err(malformed(field, reason));
         }
     }
     // Beside one another within a thousandth of a degree.
     if matrix.determinant().abs() < 1e-5 * i.length() * j.length() * k.length() {
         return Err(malformed(field, "two of the three axes have the same direction"));
     }
-    if !origin_mm.is_finite() {
-        return Err(malformed(field, format!("the first voxel lies at {origin_mm} mm")));
+    if !origin_mm.is_finite() || origin_mm.abs().max_element() > *STEPS_MM.end() {
+        return Err(malformed(field, format!("the first voxel lies at {} mm, which is nowhere", shown(origin_mm))));
     }
     Ok(VolumeGrid { size, lps_mm_from_voxel: DAffine3::from_mat3_translation(matrix, origin_mm) })
+}
+
+/// Distances between voxels that are believed, millimetres; anything beyond is a mistake, and arithmetic with it would
+/// overflow.
+const STEPS_MM: RangeInclusive<f64> = 1e-6..=1e6;
+
+/// A vector for a message. Extreme numbers are written with exponents.
+fn shown(vector: DVec3) -> String {
+    format!("({:?}, {:?}, {:?})", vector.x, vector.y, vector.z)
 }
 
 /// Turns RAS into LPS and back.

@@ -11,7 +11,10 @@ pub(super) type Fetch<'a> = &'a mut dyn FnMut(&str) -> Result<Vec<u8>, String>;
 const MAX_FILES: u64 = 1 << 14;
 
 /// Fetches a file that a header names.
-pub(super) fn fetch_named(named: &str, fetch: &mut dyn FnMut(&str) -> Result<Vec<u8>, String>) -> Result<Vec<u8>, VolumeFault> {
+pub(super) fn fetch_named(
+    named: &str,
+    fetch: &mut dyn FnMut(&str) -> Result<Vec<u8>, String>,
+) -> Result<Vec<u8>, VolumeFault> {
     let path = inside(named)?;
     fetch(&path).map_err(|reason| VolumeFault::MissingFile { path: excerpt(named), reason: excerpt(&reason) })
 }
@@ -34,19 +37,16 @@ fn inside(named: &str) -> Result<String, VolumeFault> {
     }
 }
 
-/// The names that a printf pattern stands for: `name%03d.raw first last step`.
+/// The names that a printf pattern stands for: `name%03d.raw first last step`. A fourth number says how many axes a file has,
+/// which the number of files says as well.
 pub(super) fn pattern_names(field: &str, value: &str) -> Result<Vec<String>, VolumeFault> {
-    let mut words: Vec<&str> = value.split_whitespace().collect();
-    if words.len() < 4 {
+    let number = value.find('%').unwrap_or_default();
+    let end = value[number..].find(char::is_whitespace).map_or(value.len(), |at| number + at);
+    let (pattern, numbers) = value.split_at(end);
+    let numbers = numbers.split_whitespace().map(|word| whole(field, word)).collect::<Result<Vec<i64>, _>>()?;
+    let ([first, last, step] | [first, last, step, _]) = numbers[..] else {
         return Err(malformed(field, format!("`{}` needs the first, last and step number", excerpt(value))));
-    }
-    let numbers = words.split_off(words.len() - 3);
-    let pattern = words.join(" ");
-    let mut ends = [0_i64; 3];
-    for (end, number) in ends.iter_mut().zip(&numbers) {
-        *end = whole(field, number)?;
-    }
-    let [first, last, step] = ends;
+    };
     let bad = |reason: String| Err(malformed(field, format!("`{}` {reason}", excerpt(value))));
     if step == 0 || (step > 0) != (last >= first) && last != first {
         return bad("never comes to its last number".into());
@@ -55,7 +55,7 @@ pub(super) fn pattern_names(field: &str, value: &str) -> Result<Vec<String>, Vol
     if count > MAX_FILES {
         return bad(format!("stands for {count} files; at most {MAX_FILES} are read"));
     }
-    let Some((before, after, width, fill)) = conversion(&pattern) else {
+    let Some((before, after, width, fill)) = conversion(pattern) else {
         return bad("needs one number conversion such as `%03d`".into());
     };
     let name = |at: u64| {
@@ -94,8 +94,19 @@ mod tests {
             assert_eq!(inside(named), Ok(path.into()));
         }
         for named in [
-            "../a.raw", "deep/../../a", r"..\a", "/etc/passwd", r"\\host\share", r"C:\a", "c:a", "http://host/a", "~/a", "a/..",
-            "a/.. /b", "a\0b", "file:a",
+            "../a.raw",
+            "deep/../../a",
+            r"..\a",
+            "/etc/passwd",
+            r"\\host\share",
+            r"C:\a",
+            "c:a",
+            "http://host/a",
+            "~/a",
+            "a/..",
+            "a/.. /b",
+            "a\0b",
+            "file:a",
         ] {
             assert!(matches!(inside(named), Err(VolumeFault::ForbiddenPath { .. })), "{named}");
         }
@@ -108,9 +119,20 @@ mod tests {
     fn patterns_count_up_and_down() {
         let names = |value| pattern_names("data file", value);
         assert_eq!(names("s%02d.raw 8 12 2").unwrap(), ["s08.raw", "s10.raw", "s12.raw"]);
-        assert_eq!(names("a b%d 2 1 -1").unwrap(), ["a b2", "a b1"]);
+        assert_eq!(names("a b%d 2 1 -1 2").unwrap(), ["a b2", "a b1"]);
         assert_eq!(names("%3d 5 5 1").unwrap(), ["  5"]);
-        for value in ["s%d 1 9", "s%d 9 1 1", "s%d 1 9 0", "s 1 2 1", "%s 1 2 1", "%d%d 1 2 1", "%99d 1 2 1", "%d 0 99999999 1"] {
+        for value in [
+            "s%d 1 9",
+            "s%d 1 2 3 4 5",
+            "s%d 1 2 x",
+            "s%d 9 1 1",
+            "s%d 1 9 0",
+            "s 1 2 1",
+            "%s 1 2 1",
+            "%d%d 1 2 1",
+            "%99d 1 2 1",
+            "%d 0 99999999 1",
+        ] {
             assert!(matches!(names(value), Err(VolumeFault::Malformed { .. })), "{value}");
         }
         assert!(names(&format!("%d {} {} 1", i64::MIN, i64::MAX)).is_err());

@@ -8,6 +8,8 @@ use std::io::{ErrorKind, Read};
 
 /// Most bytes that come out of one byte of deflate, rounded up: what a packed file can hold at all.
 const MOST_PER_BYTE: u64 = 1100;
+/// More than comes out of a byte of most scans.
+const USUAL_PER_BYTE: u64 = 16;
 
 /// How bytes are packed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -28,22 +30,23 @@ pub(super) struct Source<'a, 'w> {
 
 enum Reader<'a> {
     Plain(&'a [u8]),
-    Packed { reader: Box<dyn Read + 'a>, name: &'static str },
+    Packed { reader: Box<dyn Read + 'a>, name: &'static str, length: u64 },
 }
 
 impl<'a, 'w> Source<'a, 'w> {
     pub(super) fn new(bytes: &'a [u8], packing: Packing, what: &'w str) -> Self {
-        let packed = bytes.len() as u64 * MOST_PER_BYTE;
+        let length = bytes.len() as u64;
+        let packed = length * MOST_PER_BYTE;
         match packing {
-            Packing::None => Self { reader: Reader::Plain(bytes), most: bytes.len() as u64, what },
+            Packing::None => Self { reader: Reader::Plain(bytes), most: length, what },
             Packing::Gzip => {
                 // Several members one after another are one file: block-compressed NIfTI is written so.
                 let reader = Box::new(MultiGzDecoder::new(bytes));
-                Self { reader: Reader::Packed { reader, name: "gzip" }, most: packed, what }
+                Self { reader: Reader::Packed { reader, name: "gzip", length }, most: packed, what }
             }
             Packing::Zlib => {
                 let reader = Box::new(ZlibDecoder::new(bytes));
-                Self { reader: Reader::Packed { reader, name: "zlib" }, most: packed, what }
+                Self { reader: Reader::Packed { reader, name: "zlib", length }, most: packed, what }
             }
         }
     }
@@ -63,8 +66,9 @@ impl<'a, 'w> Source<'a, 'w> {
                 *rest = after;
                 Ok(Cow::Borrowed(taken))
             }
-            Reader::Packed { reader, name } => {
-                let mut taken = Vec::with_capacity(count as usize);
+            Reader::Packed { reader, name, length } => {
+                // What packs tighter than most grows as it comes.
+                let mut taken = Vec::with_capacity(count.min(*length * USUAL_PER_BYTE) as usize);
                 let read = reader.take(count).read_to_end(&mut taken);
                 complete(read.map(|_| taken.len() as u64), count, self.what, name)?;
                 Ok(Cow::Owned(taken))
@@ -93,7 +97,7 @@ impl<'a, 'w> Source<'a, 'w> {
                 *rest = &rest[count as usize..];
                 Ok(())
             }
-            Reader::Packed { reader, name } => {
+            Reader::Packed { reader, name, .. } => {
                 let skipped = std::io::copy(&mut reader.take(count), &mut std::io::sink());
                 complete(skipped, count, self.what, name)
             }
@@ -107,7 +111,7 @@ impl<'a, 'w> Source<'a, 'w> {
             Reader::Plain([]) => Ok(()),
             Reader::Plain(_) => oversized,
             // Also where the checksum stands.
-            Reader::Packed { mut reader, name } => match reader.read(&mut [0]) {
+            Reader::Packed { mut reader, name, .. } => match reader.read(&mut [0]) {
                 Ok(0) => Ok(()),
                 Ok(_) => oversized,
                 Err(error) => Err(corrupt(self.what, name, &error)),

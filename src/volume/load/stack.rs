@@ -58,10 +58,9 @@ pub(super) fn read(files: Vec<(String, Vec<u8>)>, options: &VolumeLoadOptions) -
         let differs = |field: &str, found: String, expected: String| {
             let fault = VolumeFault::SliceDiffers {
                 slice: excerpt(&slice.name),
-                first: excerpt(first_name),
                 field: field.into(),
                 found,
-                expected,
+                expected: format!("{expected} in `{}`", excerpt(first_name)),
             };
             Err(SliceFault::from(fault))
         };
@@ -181,9 +180,14 @@ impl Slice {
 fn last_number(name: &str) -> Result<u64, VolumeFault> {
     let stem = name.rsplit_once('.').map_or(name, |(stem, _)| stem);
     let Some(digits) = stem.rsplit(|c: char| !c.is_ascii_digit()).find(|digits| !digits.is_empty()) else {
-        return Err(malformed("file name", "there is no number in it that says which slice it is; rename or remove it"));
+        return Err(malformed(
+            "file name",
+            "there is no number in it that says which slice it is; rename or remove it",
+        ));
     };
-    digits.parse().map_err(|_| malformed("file name", format!("{} is too large for the number of a slice", excerpt(digits))))
+    digits
+        .parse()
+        .map_err(|_| malformed("file name", format!("{} is too large for the number of a slice", excerpt(digits))))
 }
 
 fn check_numbers(slices: &[Slice]) -> Result<(), VolumeFault> {
@@ -191,11 +195,18 @@ fn check_numbers(slices: &[Slice]) -> Result<(), VolumeFault> {
         let (before, after) = (&pair[0], &pair[1]);
         if before.number == after.number {
             let (a, b, number) = (excerpt(&before.name), excerpt(&after.name), before.number);
-            return Err(malformed("file name", format!("`{a}` and `{b}` have the same number {number}; remove one of them")));
+            return Err(malformed(
+                "file name",
+                format!("`{a}` and `{b}` have the same number {number}; remove one of them"),
+            ));
         }
         if before.number + 1 != after.number {
             let [before_name, after_name] = [excerpt(&before.name), excerpt(&after.name)];
-            return Err(VolumeFault::MissingSlice { number: before.number + 1, before: before_name, after: after_name });
+            return Err(VolumeFault::MissingSlice {
+                number: before.number + 1,
+                before: before_name,
+                after: after_name,
+            });
         }
     }
     Ok(())
@@ -207,12 +218,15 @@ mod tests {
 
     #[test]
     fn the_last_number_of_a_name_counts_by_its_value() {
-        for (name, number) in [("plane009.png", 9), ("plane0010.png", 10), ("2024-ct_7a.png", 7), ("\u{e4}1.png", 1), ("5", 5)] {
+        for (name, number) in
+            [("plane009.png", 9), ("plane0010.png", 10), ("2024-ct_7a.png", 7), ("\u{e4}1.png", 1), ("5", 5)]
+        {
             assert_eq!(last_number(name), Ok(number), "{name}");
         }
-        assert_eq!(last_number("cover.png2").unwrap_err().to_string().split(';').next(), Some(
-            "file name: there is no number in it that says which slice it is"
-        ));
+        assert_eq!(
+            last_number("cover.png2").unwrap_err().to_string().split(';').next(),
+            Some("file name: there is no number in it that says which slice it is")
+        );
         assert!(last_number("99999999999999999999.png").is_err());
     }
 

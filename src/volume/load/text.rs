@@ -39,7 +39,7 @@ pub(super) fn sides(field: &str, text: &str, count: usize) -> Result<Vec<u64>, V
 pub(super) fn spacing(field: &str, spacing_mm: f64) -> Result<f64, VolumeFault> {
     match spacing_mm.is_finite() && spacing_mm > 0.0 {
         true => Ok(spacing_mm),
-        false => Err(malformed(field, format!("{spacing_mm} is not a positive number"))),
+        false => Err(malformed(field, format!("{spacing_mm:?} is not a positive number"))),
     }
 }
 

@@ -170,26 +170,28 @@ impl Foam {
         let Some(own) = squared.iter().position(|&distance| distance == least) else { return f32::INFINITY };
         let options = &self.options;
         let seed = options.seed as u32;
-        if self.is_bone[indices[own] as usize] {
-            return f32::INFINITY;
-        }
+        let own_is_bone = self.is_bone[indices[own] as usize];
         let centre = Vec3::new(x[own], y[own], z[own]);
+        // In a cell the depth under its walls; in one that stayed bone the distance from the nearest cell's border.
         let mut inside = f32::INFINITY;
         for other in 0..squared.len() {
-            let excess = squared[other] - least;
             // The wall is (b^2 - a^2) / (2 |ab|) away, and |ab| <= a + b.
             let bound = 0.5 * (squared[other].sqrt() - least.sqrt());
             if other == own || bound > inside + ROUNDING_MM {
                 continue;
             }
-            let is_open = !self.is_bone[indices[other] as usize]
-                && of_pair(indices[own], indices[other], seed) < options.open_share;
-            if is_open {
+            let other_is_bone = self.is_bone[indices[other] as usize];
+            let is_open = !other_is_bone && of_pair(indices[own], indices[other], seed) < options.open_share;
+            if if own_is_bone { other_is_bone } else { is_open } {
                 continue;
             }
             let between = centre.distance(Vec3::new(x[other], y[other], z[other]));
-            let wall = 0.5 * excess / between;
-            inside = if inside.is_finite() { blend(inside, wall, ROUNDING_MM) } else { wall };
+            let wall = 0.5 * (squared[other] - least) / between;
+            inside =
+                if inside.is_finite() && !own_is_bone { blend(inside, wall, ROUNDING_MM) } else { inside.min(wall) };
+        }
+        if own_is_bone {
+            return 0.5 * options.wall_mm + inside;
         }
         0.5 * options.wall_mm - inside
     }

@@ -107,7 +107,8 @@ pub(super) fn fill(anatomy: &Anatomy, lattice: &Lattice) -> Voxels {
 }
 
 fn voxels_in(low: UVec3, high: UVec3) -> impl Iterator<Item = UVec3> {
-    (low.z..high.z).flat_map(move |z| (low.y..high.y).flat_map(move |y| (low.x..high.x).map(move |x| UVec3::new(x, y, z))))
+    (low.z..high.z)
+        .flat_map(move |z| (low.y..high.y).flat_map(move |y| (low.x..high.x).map(move |x| UVec3::new(x, y, z))))
 }
 
 /// Hounsfield units, label and filling of a voxel. The label is that of the tissue with the greatest share, however much air
@@ -178,25 +179,20 @@ impl Block {
             return base;
         }
         let step = lattice.voxel_mm() / lattice.samples as f32;
-        let first = lattice.corner_mm(voxel) + 0.5 * step;
+        let corner = lattice.corner_mm(voxel);
+        if lattice.samples > 1 {
+            // Where no sharp surface passes through the voxel, one sample tells everything: the mean of a linear fade is that in
+            // the middle.
+            let half_diagonal = 0.5 * 3f32.sqrt() * lattice.voxel_mm();
+            let (mixture, clearance) = self.sample(anatomy, layers, lattice, corner + 0.5 * lattice.voxel_mm(), base);
+            if clearance > half_diagonal {
+                return mixture;
+            }
+        }
         let mut sum = Mixture { shares: [0.0; label::COUNT], hu: 0.0 };
         for sample in voxels_in(UVec3::ZERO, UVec3::splat(lattice.samples)) {
-            let p = first + sample.as_vec3() * step;
-            let site = anatomy.site(p, self.parts);
-            let mut mixture = base;
-            for &place in &self.active {
-                let layer = &layers[place];
-                let mut distance = (layer.distance)(&site);
-                if layer.filling == Filling::Cells && distance < step {
-                    distance = distance.max(anatomy.foam.distance(p, &mut self.cells));
-                }
-                let share = (0.5 - distance / lattice.blur_mm(layer.is_blurred)).clamp(0.0, 1.0);
-                if share == 1.0 {
-                    mixture = Mixture::of(layer.label, layer.hu);
-                } else if share > 0.0 {
-                    mixture.cover(layer, share);
-                }
-            }
+            let p = corner + (sample.as_vec3() + 0.5) * step;
+            let (mixture, _) = self.sample(anatomy, layers, lattice, p, base);
             sum.hu += mixture.hu;
             sum.shares.iter_mut().zip(mixture.shares).for_each(|(sum, share)| *sum += share);
         }
@@ -204,5 +200,37 @@ impl Block {
         sum.hu *= share;
         sum.shares.iter_mut().for_each(|sum| *sum *= share);
         sum
+    }
+
+    /// What is at a place, and how far away the nearest sharp surface begins to fade.
+    fn sample(
+        &mut self,
+        anatomy: &Anatomy,
+        layers: &[Layer],
+        lattice: &Lattice,
+        p: Vec3,
+        base: Mixture,
+    ) -> (Mixture, f32) {
+        let site = anatomy.site(p, self.parts);
+        let (mut mixture, mut clearance) = (base, f32::INFINITY);
+        for &place in &self.active {
+            let layer = &layers[place];
+            let blur = lattice.blur_mm(layer.is_blurred);
+            let mut distance = (layer.distance)(&site);
+            if layer.filling == Filling::Cells && distance < 0.5 * blur {
+                distance = distance.max(anatomy.foam.distance(p, &mut self.cells));
+            }
+            let own_clearance = if layer.is_blurred { f32::INFINITY } else { distance.abs() - 0.5 * blur };
+            clearance = clearance.min(own_clearance);
+            let share = (0.5 - distance / blur).clamp(0.0, 1.0);
+            if share == 1.0 {
+                // What is beneath is hidden, and so are its surfaces.
+                clearance = own_clearance;
+                mixture = Mixture::of(layer.label, layer.hu);
+            } else if share > 0.0 {
+                mixture.cover(layer, share);
+            }
+        }
+        (mixture, clearance)
     }
 }

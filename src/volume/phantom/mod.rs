@@ -1,8 +1,11 @@
 //! A procedural temporal bone: a phantom to drill where no scan is at hand.
 
 mod anatomy;
+mod body;
 mod cells;
+mod ear;
 mod fill;
+mod interpolated;
 mod noise;
 mod shapes;
 

@@ -50,10 +50,21 @@ pub(super) fn common(a: f32, b: f32, radius: f32) -> f32 {
 /// A tube along a smooth curve, with its own radius at every point of the curve.
 #[derive(Clone, Debug)]
 pub(super) struct Tube {
-    points: Vec<(Vec3, f32)>,
+    pieces: Vec<Piece>,
     centre: Vec3,
     /// Of a ball around the curve with its radii.
     reach: f32,
+}
+
+/// A straight piece of a tube, ready for many places.
+#[derive(Clone, Copy, Debug)]
+struct Piece {
+    from: Vec3,
+    along: Vec3,
+    /// `along` over its squared length.
+    share_per_mm: Vec3,
+    radius: f32,
+    radius_growth: f32,
 }
 
 impl Tube {
@@ -74,14 +85,24 @@ impl Tube {
             }
         }
         points.push(knot(knots.len() as isize - 1));
-        Self::straight(points)
+        Self::straight(&points)
     }
 
     /// Through points with radii in straight pieces.
-    pub(super) fn straight(points: Vec<(Vec3, f32)>) -> Self {
+    pub(super) fn straight(points: &[(Vec3, f32)]) -> Self {
         let centre = points.iter().map(|point| point.0).sum::<Vec3>() / points.len() as f32;
         let reach = points.iter().map(|point| point.0.distance(centre) + point.1).fold(0.0, f32::max);
-        Self { points, centre, reach }
+        let piece = |pair: &[(Vec3, f32)]| {
+            let along = pair[1].0 - pair[0].0;
+            Piece {
+                from: pair[0].0,
+                along,
+                share_per_mm: along / along.length_squared(),
+                radius: pair[0].1,
+                radius_growth: pair[1].1 - pair[0].1,
+            }
+        };
+        Self { pieces: points.windows(2).map(piece).collect(), centre, reach }
     }
 
     /// Distance to its surface. Far away a lower bound, which is cheaper.
@@ -90,6 +111,13 @@ impl Tube {
         if bound > NEAR {
             return bound;
         }
-        self.points.windows(2).map(|pair| cone(p, pair[0], pair[1])).fold(f32::INFINITY, f32::min)
+        let mut least = f32::INFINITY;
+        for piece in &self.pieces {
+            let local = p - piece.from;
+            let share = local.dot(piece.share_per_mm).clamp(0.0, 1.0);
+            let distance = local.distance(piece.along * share) - (piece.radius + piece.radius_growth * share);
+            least = least.min(distance);
+        }
+        least
     }
 }

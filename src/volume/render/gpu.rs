@@ -95,13 +95,14 @@ pub(super) fn write_textures(
         if volume.is_whole {
             let limit = device.limits().max_texture_dimension_3d;
             if volume.size.max_element() > limit {
-                tracing::error!("a volume of {} voxels is not shown: this adapter takes {limit} along a side", volume.size);
+                tracing::error!(
+                    "a volume of {} voxels is not shown: this adapter takes {limit} along a side",
+                    volume.size
+                );
                 continue;
             }
-            let made: Vec<_> = uploads
-                .iter()
-                .map(|upload| (upload.kind, create(&device, upload.kind, upload.of.max)))
-                .collect();
+            let made: Vec<_> =
+                uploads.iter().map(|upload| (upload.kind, create(&device, upload.kind, upload.of.max))).collect();
             let view = |wanted: fn(TexelKind) -> bool| {
                 made.iter().find(|(kind, _)| wanted(*kind)).map(|(_, texture)| texture.create_view(&default()))
             };
@@ -114,8 +115,7 @@ pub(super) fn write_textures(
                 continue;
             };
             let colours = view(|kind| kind == TexelKind::Colours);
-            let gpu =
-                GpuVolume { revision: volume.revision, field, gradients, blocks, table, colours, textures: made };
+            let gpu = GpuVolume { revision: volume.revision, field, gradients, blocks, table, colours, textures: made };
             textures.0.insert(volume.entity, gpu);
         }
         let Some(gpu) = textures.0.get_mut(&volume.entity) else { continue };

@@ -44,9 +44,7 @@ pub(super) fn build(app: &mut App) {
         .add_systems(ExtractSchedule, extract::extract_volumes)
         .add_systems(
             Render,
-            (gpu::write_textures, views::prepare_views)
-                .chain()
-                .in_set(RenderSystems::PrepareResources),
+            (gpu::write_textures, views::prepare_views).chain().in_set(RenderSystems::PrepareResources),
         )
         .add_systems(Core3d, pass::draw_volumes.in_set(VolumePasses));
 }

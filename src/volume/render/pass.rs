@@ -2,6 +2,7 @@
 
 use super::gpu::{GpuVolume, VolumeTextures};
 use super::pipelines::{PipelineKey, VolumePipelines};
+use super::views::grown;
 use super::views::{VolumeView, VolumeViews};
 use crate::organ::render::{OrganBindGroups, OrganPipelineKey, OrganSides};
 use bevy::core_pipeline::tonemapping::Tonemapping;
@@ -11,7 +12,6 @@ use bevy::render::diagnostic::RecordDiagnostics;
 use bevy::render::render_resource::*;
 use bevy::render::renderer::{RenderContext, RenderDevice, ViewQuery};
 use bevy::render::view::{ExtractedView, ViewDepthTexture, ViewTarget, ViewUniformOffset};
-use super::views::grown;
 
 /// Opacity nothing, and a depth that no neighbour has ([`shaders/volume/volume.wgsl`]).
 const NOTHING: LinearRgba = LinearRgba { red: 0.0, green: 0.0, blue: 0.0, alpha: 60000.0 };
@@ -205,7 +205,13 @@ impl Drawing<'_> {
         );
     }
 
-    fn composite(&self, ctx: &mut RenderContext, target: &ViewTarget, depth: &ViewDepthTexture, into: OrganPipelineKey) {
+    fn composite(
+        &self,
+        ctx: &mut RenderContext,
+        target: &ViewTarget,
+        depth: &ViewDepthTexture,
+        into: OrganPipelineKey,
+    ) {
         let buffers = &self.volume.buffers;
         let group = self.inputs([&buffers.lit, &buffers.depth]);
         let diagnostics = ctx.diagnostic_recorder();
@@ -256,8 +262,7 @@ pub(super) fn draw_volumes(
     for (volume_entity, volume) in kept.of_view(entity) {
         let Some(gpu) = textures.get(volume_entity) else { continue };
         let layout = cache.get_bind_group_layout(&pipelines.plane);
-        let plane_group =
-            device.create_bind_group("volume_plane", &layout, &BindGroupEntries::single(uniform.clone()));
+        let plane_group = device.create_bind_group("volume_plane", &layout, &BindGroupEntries::single(uniform.clone()));
         let drawing = Drawing {
             pipelines: &pipelines,
             cache: &cache,

@@ -3,16 +3,14 @@
 use super::uniform::VolumeUniform;
 use super::views::{COLOUR_FORMAT, DEPTH_FORMAT, RELIEF_FORMAT, depth_sum_format};
 use crate::organ::render::{OrganLayouts, OrganPipelineKey};
-use crate::volume::VolumeMethod;
 use crate::render::{shader_path, tonemapping_definitions};
+use crate::volume::VolumeMethod;
 use bevy::core_pipeline::core_3d::CORE_3D_DEPTH_FORMAT;
 use bevy::mesh::VertexBufferLayout;
 use bevy::platform::collections::HashMap;
 use bevy::prelude::*;
 use bevy::render::render_resource::{
-    binding_types::{
-        sampler, texture_2d, texture_3d, texture_depth_2d, texture_depth_2d_multisampled, uniform_buffer,
-    },
+    binding_types::{sampler, texture_2d, texture_3d, texture_depth_2d, texture_depth_2d_multisampled, uniform_buffer},
     *,
 };
 use bevy::render::renderer::RenderDevice;
@@ -89,10 +87,7 @@ pub(super) fn init(
         BindGroupLayoutDescriptor::new("volume_inputs_layout", &entries)
     };
     let scene = |entry: BindGroupLayoutEntryBuilder| {
-        BindGroupLayoutDescriptor::new(
-            "volume_scene_layout",
-            &BindGroupLayoutEntries::single(in_fragments, entry),
-        )
+        BindGroupLayoutDescriptor::new("volume_scene_layout", &BindGroupLayoutEntries::single(in_fragments, entry))
     };
     let plane = BindGroupLayoutEntries::single(in_fragments, uniform());
     let shader = |name: &str| assets.load(shader_path(&format!("volume/{name}.wgsl")));
@@ -197,13 +192,9 @@ impl VolumePipelines {
                     vec![over(COLOUR_FORMAT), over(COLOUR_FORMAT), over(self.depth_sum)],
                 )
             }
-            PipelineKey::Resolve => (
-                "volume_resolve",
-                2,
-                &self.plane,
-                &self.inputs[3],
-                vec![plain(RELIEF_FORMAT), plain(DEPTH_FORMAT)],
-            ),
+            PipelineKey::Resolve => {
+                ("volume_resolve", 2, &self.plane, &self.inputs[3], vec![plain(RELIEF_FORMAT), plain(DEPTH_FORMAT)])
+            }
             PipelineKey::Smooth => ("volume_smooth", 3, &self.plane, &self.inputs[1], vec![plain(RELIEF_FORMAT)]),
             PipelineKey::Wet => ("volume_wet", 4, &self.plane, &self.inputs[4], vec![plain(COLOUR_FORMAT)]),
             PipelineKey::Composite { target: into, .. } => {

@@ -18,9 +18,13 @@ pub(super) struct SceneChanges {
 }
 
 pub(super) fn build(app: &mut App) {
-    app.init_resource::<SceneChanges>()
-        .add_plugins(ExtractResourcePlugin::<SceneChanges>::default())
-        .add_systems(PostUpdate, note_changes.after(VisibilitySystems::VisibilityPropagate).after(TransformSystems::Propagate).after(VisibilitySystems::CalculateBounds));
+    app.init_resource::<SceneChanges>().add_plugins(ExtractResourcePlugin::<SceneChanges>::default()).add_systems(
+        PostUpdate,
+        note_changes
+            .after(VisibilitySystems::VisibilityPropagate)
+            .after(TransformSystems::Propagate)
+            .after(VisibilitySystems::CalculateBounds),
+    );
 }
 
 type Placed = (Entity, &'static GlobalTransform, &'static InheritedVisibility, Option<&'static Aabb>);

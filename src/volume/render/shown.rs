@@ -118,7 +118,8 @@ pub(super) fn follow_changes(
         }
         let is_retold = transfer.is_changed() || look.is_changed();
         let table = is_retold.then(|| transfer.bake(volume.range(), step_m));
-        changes.table = table.as_ref().is_some_and(|table| *table != shown.table) || transfer.colour_source != shown.colours;
+        changes.table =
+            table.as_ref().is_some_and(|table| *table != shown.table) || transfer.colour_source != shown.colours;
         if changes.voxels.is_empty() && !changes.table {
             continue;
         }

@@ -83,7 +83,8 @@ mod tests {
 
     #[test]
     fn slices_fill_a_turned_box() {
-        let turned = Mat4::from_translation(Vec3::new(0.1, -0.2, -3.0)) * Mat4::from_euler(EulerRot::XYZ, 0.4, 0.7, 0.2);
+        let turned =
+            Mat4::from_translation(Vec3::new(0.1, -0.2, -3.0)) * Mat4::from_euler(EulerRot::XYZ, 0.4, 0.7, 0.2);
         let half = Vec3::new(0.5, 0.3, 0.8);
         let corners = box_corners((-half, half)).map(|corner| turned.transform_point3(corner));
         let step = 0.01;

@@ -1,15 +1,15 @@
 //! What each view keeps of each volume, and what of it must be drawn anew.
 
 use super::extract::{ExtractedVolume, ExtractedVolumes};
+use super::pipelines::VolumePipelines;
 use super::scene::SceneChanges;
 use super::uniform::{Rays, VolumeUniform, depth_projection, near_m};
-use super::pipelines::VolumePipelines;
 use crate::organ::render::{OrganPipelineKey, OrganSides};
 use crate::render::{OrganLights, SceneLights, strongest_lights};
 use crate::view::ScopeMaskUniform;
 use crate::volume::{CtVolume, SmoothedNormals, VolumeLook, VolumeMethod};
-use bevy::core_pipeline::tonemapping::Tonemapping;
 use bevy::camera::{MainPassResolutionOverride, Viewport};
+use bevy::core_pipeline::tonemapping::Tonemapping;
 use bevy::math::DMat4;
 use bevy::prelude::*;
 use bevy::render::camera::ExtractedCamera;
@@ -123,8 +123,7 @@ impl Buffers {
             smoothed: texture(RELIEF_FORMAT),
             depth: texture(DEPTH_FORMAT),
             lit: texture(COLOUR_FORMAT),
-            sums: (method == VolumeMethod::Slices)
-                .then(|| (texture(COLOUR_FORMAT), texture(depth_sum_format(device)))),
+            sums: (method == VolumeMethod::Slices).then(|| (texture(COLOUR_FORMAT), texture(depth_sum_format(device)))),
         }
     }
 }
@@ -322,7 +321,8 @@ impl VolumeView {
         self.is_all = volume.is_all_new || self.walk_key.as_ref() != Some(&walk_key);
         let shades_all = self.is_all || self.shade_key.as_ref() != Some(&shade_key);
         let passes = if wet.smoothed == SmoothedNormals::None { 0 } else { wet.passes };
-        let smooths_all = self.is_all || self.passes != passes || self.shade_key.as_ref().map(|key| key.look.wet) != Some(*wet);
+        let smooths_all =
+            self.is_all || self.passes != passes || self.shade_key.as_ref().map(|key| key.look.wet) != Some(*wet);
         let mut walk = URect::EMPTY;
         if self.is_all {
             walk = self.seen;

@@ -86,9 +86,7 @@ pub(super) struct Pixel {
 
 /// Casts a ray through every pixel.
 pub fn march(rays: &ViewRays, scene: &MarchScene) -> VolumeImage {
-    draw(rays, scene, |ray, planes, end_m, counts| {
-        march_ray(ray, planes, end_m, scene, counts)
-    })
+    draw(rays, scene, |ray, planes, end_m, counts| march_ray(ray, planes, end_m, scene, counts))
 }
 
 /// Works all pixels out. The function gets a ray, its first and last plane and the depth where it ends.
@@ -106,9 +104,11 @@ pub(super) fn draw(
     let mut end_depth_m = vec![0.0; count];
     let mut counts_of_rows = vec![MarchCounts::default(); size_px.y as usize];
     if count > 0 {
-        let rows = (colour.par_chunks_mut(width), normal.par_chunks_mut(width))
-            .into_par_iter()
-            .zip((depth_m.par_chunks_mut(width), end_depth_m.par_chunks_mut(width), counts_of_rows.par_iter_mut()));
+        let rows = (colour.par_chunks_mut(width), normal.par_chunks_mut(width)).into_par_iter().zip((
+            depth_m.par_chunks_mut(width),
+            end_depth_m.par_chunks_mut(width),
+            counts_of_rows.par_iter_mut(),
+        ));
         rows.enumerate().for_each(|(y, ((colour, normal), (depth_m, end_depth_m, counts)))| {
             for x in 0..width {
                 let ray = rays.ray(UVec2::new(x as u32, y as u32));

@@ -1,7 +1,7 @@
 //! Rays of a view in a volume's voxels.
 
 use bevy::reflect::Reflect;
-use glam::{Affine3A, DAffine3, DMat3, DVec3, Mat3, Mat4, UVec2, Vec3, Vec4};
+use glam::{Affine3A, DAffine3, DVec3, Mat3, Mat4, UVec2, Vec3, Vec4};
 
 /// The rays of all pixels of a view. A ray's voxel coordinates are affine in the view depth: the distance in metres from the
 /// camera's plane along its direction of view.
@@ -77,7 +77,7 @@ impl ViewRays {
             origin_voxel,
             along_voxel: along_view.map(turned),
             world_from_voxel: world_from_voxel.as_affine3a(),
-            world_from_gradient: DMat3::from(matrix).inverse().transpose().as_mat3(),
+            world_from_gradient: matrix.inverse().transpose().as_mat3(),
             middle_depth_m: -view_from_world.transform_point3(middle).z as f32,
             voxel_edge_m: edges.into_iter().fold(f64::INFINITY, f64::min) as f32,
         };

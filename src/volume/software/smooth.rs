@@ -54,7 +54,8 @@ pub fn smooth(normals: &NormalImage, passes: u32, edge_voxels: f32) -> NormalIma
         for _ in 0..passes {
             to.par_chunks_mut(width).enumerate().for_each(|(y, row)| {
                 // The lines above, at and below this one.
-                let lines = [y.saturating_sub(1), y, (y + 1).min(height - 1)].map(|y| &from[y * width..(y + 1) * width]);
+                let lines =
+                    [y.saturating_sub(1), y, (y + 1).min(height - 1)].map(|y| &from[y * width..(y + 1) * width]);
                 for (x, to) in row.iter_mut().enumerate() {
                     let own = lines[1][x];
                     if own.w == NOTHING {

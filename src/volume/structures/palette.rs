@@ -16,8 +16,8 @@ pub struct Palette {
     /// A voxel whose nearest colour differs by more steps than this in any channel is counted as off the palette.
     pub tolerance_steps: u8,
     /// Whether segments that overlap were summed byte by byte when the volume was written: where two opaque segments share a
-    /// voxel, each of its bytes is the sum of theirs modulo 256, so the opacity is 254. Such voxels go to the one of the two
-    /// segments that is more worth protecting: a critical one, then the softer one, then the later one in the list.
+    /// voxel, each of its bytes is the sum of theirs modulo 256, so the opacity is 254. Such voxels go to the critical one of the
+    /// two segments, or to the later one in the list where both or none are critical.
     pub overlaps_are_sums: bool,
 }
 
@@ -79,14 +79,11 @@ impl Palette {
         Self { structures, tolerance_steps: 13, overlaps_are_sums: true }
     }
 
-    /// Whether two segments share a voxel, and whose it is then: the place of the structure in the list.
-    fn shared(&self, a: usize, b: usize) -> usize {
-        let worth = |place: usize| {
-            let Structure { is_critical, hardness, .. } = &self.structures[place];
-            (*is_critical, -hardness)
-        };
-        // The later one wins where both are worth the same.
-        if worth(a.min(b)) > worth(a.max(b)) { a.min(b) } else { a.max(b) }
+    /// Which of two structures (places in the list) a voxel goes to that both of them claim.
+    fn of_shared(&self, a: usize, b: usize) -> usize {
+        let is_critical = |place: usize| self.structures[place].is_critical;
+        let (earlier, later) = (a.min(b), a.max(b));
+        if is_critical(earlier) && !is_critical(later) { earlier } else { later }
     }
 }
 
@@ -231,7 +228,7 @@ fn sums_of_pairs(palette: &Palette) -> Vec<([u8; 3], u8)> {
         for second in first + 1..list.len() {
             let (a, b) = (list[first].colour, list[second].colour);
             let sum = std::array::from_fn(|channel| a[channel].wrapping_add(b[channel]));
-            sums.push((sum, palette.shared(first, second) as u8 + 1));
+            sums.push((sum, palette.of_shared(first, second) as u8 + 1));
         }
     }
     sums
@@ -257,13 +254,13 @@ mod tests {
     }
 
     #[test]
-    fn a_shared_voxel_goes_to_what_is_more_worth_protecting() {
+    fn a_shared_voxel_goes_to_what_must_not_be_touched() {
         let palette = Palette::temporal_bone();
         let place = |name: &str| palette.structures.iter().position(|structure| structure.name == name).unwrap();
-        let shared = |a, b| palette.structures[palette.shared(place(a), place(b))].name.as_str();
+        let shared = |a, b| palette.structures[palette.of_shared(place(a), place(b))].name.as_str();
         assert_eq!(shared("Bone", "Malleus"), "Malleus");
         assert_eq!(shared("Malleus", "Bone"), "Malleus");
-        assert_eq!(shared("Sinus and dura", "Internal auditory canal"), "Internal auditory canal");
+        assert_eq!(shared("Facial nerve", "Bony labyrinth"), "Facial nerve");
         assert_eq!(shared("Bone", "External auditory canal"), "External auditory canal");
     }
 }

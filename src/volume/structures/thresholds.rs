@@ -129,19 +129,19 @@ impl Thresholds {
 const BINS: usize = 256;
 
 fn histogram(volume: &Volume) -> [u64; BINS] {
-    let bin = |index: usize| ((volume.normalized(index) * BINS as f32) as usize).min(BINS - 1);
-    (0..volume.voxels().count())
-        .into_par_iter()
-        .with_min_len(1 << 16)
-        .fold(
-            || [0; BINS],
-            |mut counts, index| {
-                counts[bin(index)] += 1;
-                counts
-            },
-        )
-        // Whole numbers: the same sum in any order.
-        .reduce(|| [0; BINS], |a, b| std::array::from_fn(|bin| a[bin] + b[bin]))
+    const VOXELS_PER_TASK: usize = 1 << 18;
+    let count = volume.voxels().count();
+    let of_part = |task: usize| {
+        let mut counts = [0; BINS];
+        for index in task * VOXELS_PER_TASK..((task + 1) * VOXELS_PER_TASK).min(count) {
+            let bin = (volume.normalized(index) * BINS as f32) as usize;
+            counts[bin.min(BINS - 1)] += 1;
+        }
+        counts
+    };
+    // Whole numbers: the same sum in any order.
+    let sum = |a: [u64; BINS], b: [u64; BINS]| std::array::from_fn(|bin| a[bin] + b[bin]);
+    (0..count.div_ceil(VOXELS_PER_TASK)).into_par_iter().map(of_part).reduce(|| [0; BINS], sum)
 }
 
 /// Threshold and the means of the classes below and above it.
@@ -210,7 +210,9 @@ impl Structures {
                 classify(voxels, &mut labels, &mut solid, |&stored| table[usize::from(stored)]);
             }
             Voxels::F32(voxels) => classify(voxels, &mut labels, &mut solid, |&stored| of_stored(stored.into())),
-            Voxels::Rgba(voxels) => classify(voxels, &mut labels, &mut solid, |&[.., opacity]| of_stored(opacity.into())),
+            Voxels::Rgba(voxels) => {
+                classify(voxels, &mut labels, &mut solid, |&[.., opacity]| of_stored(opacity.into()))
+            }
         }
         Self::new(bands.iter().map(|band| band.structure.clone()).collect(), labels, solid)
     }

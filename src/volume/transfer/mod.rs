@@ -132,7 +132,9 @@ impl TransferFunction {
     /// that is no positive number is taken as one reference length. A range that is not finite makes nothing visible.
     pub fn bake(&self, range: [f64; 2], step_m: f64) -> TransferTable {
         let reference = self.usable_reference_length_m();
-        let steps_per_reference = if step_m.is_finite() && step_m > 0.0 { step_m / reference } else { 1.0 };
+        let is_length = step_m.is_finite() && step_m > 0.0;
+        // Finite even where the quotient is not: nothing times infinity would be no number.
+        let steps_per_reference = if is_length { (step_m / reference).min(f64::MAX) } else { 1.0 };
         let points = self.sorted_points();
         let is_usable = range[0].is_finite() && range[1].is_finite();
         let entry = |number: usize| -> [f32; 4] {
@@ -145,8 +147,9 @@ impl TransferFunction {
                 return [1.0, 1.0, 1.0, 0.0];
             }
             let (srgb, opacity) = at(&points, value);
-            // Close to 1 the logarithm keeps the digits that a power would lose.
-            let corrected = 0.0 - f64::exp_m1(steps_per_reference * f64::ln_1p(-opacity));
+            // The logarithm keeps digits of faint opacities that a power would lose; of 1 it is infinite.
+            let corrected =
+                if opacity < 1.0 { 0.0 - f64::exp_m1(steps_per_reference * f64::ln_1p(-opacity)) } else { 1.0 };
             let [r, g, b] = srgb.map(|channel| Srgba::gamma_function(channel as f32 / 255.0));
             [r, g, b, corrected as f32]
         };
@@ -179,8 +182,13 @@ mod tests {
 
     #[test]
     fn points_in_any_order_with_any_numbers_are_put_right() {
-        let points =
-            vec![point(5.0, 2.0), point(f64::NAN, 0.5), point(1.0, f32::NAN), point(f64::INFINITY, 1.0), point(3.0, -1.0)];
+        let points = vec![
+            point(5.0, 2.0),
+            point(f64::NAN, 0.5),
+            point(1.0, f32::NAN),
+            point(f64::INFINITY, 1.0),
+            point(3.0, -1.0),
+        ];
         let sorted = TransferFunction { points, ..Default::default() }.sorted_points();
         assert_eq!(sorted, [point(1.0, 0.0), point(3.0, 0.0), point(5.0, 1.0)]);
     }

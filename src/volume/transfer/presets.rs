@@ -111,9 +111,9 @@ impl TransferFunction {
     /// - [`Self::default`] for anything else.
     pub fn for_volume(volume: &Volume) -> Self {
         let [least, greatest] = volume.range();
-        let has_critical = volume.structures().is_some_and(|structures| {
-            structures.list().iter().any(|structure| structure.is_critical)
-        });
+        let has_critical = volume
+            .structures()
+            .is_some_and(|structures| structures.list().iter().any(|structure| structure.is_critical));
         if matches!(volume.voxels(), Voxels::Rgba(_)) {
             Self::labelled()
         } else if least < -500.0 && greatest > 800.0 {

@@ -79,6 +79,9 @@ mod tests {
 
     #[test]
     fn any_number_finds_an_entry() {
-        assert_eq!([-1.0, f32::NAN, 0.0, 1.0, 2.0, f32::INFINITY].map(TransferTable::index), [0, 0, 0, 1023, 1023, 1023]);
+        assert_eq!(
+            [-1.0, f32::NAN, 0.0, 1.0, 2.0, f32::INFINITY].map(TransferTable::index),
+            [0, 0, 0, 1023, 1023, 1023]
+        );
     }
 }

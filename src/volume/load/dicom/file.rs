@@ -5,8 +5,8 @@ use crate::volume::load::text::number;
 use crate::volume::load::{malformed, unsupported};
 use dicom_core::Tag;
 use dicom_core::header::{DataElementHeader, Header as _};
-use dicom_encoding::TransferSyntaxIndex;
 use dicom_encoding::Endianness;
+use dicom_encoding::TransferSyntaxIndex;
 use dicom_parser::StatefulDecode;
 use dicom_parser::dataset::LazyDataToken;
 use dicom_parser::dataset::lazy_read::LazyDataSetReader;
@@ -99,7 +99,10 @@ impl<'a> DataSet<'a> {
     fn read(&'a self) -> Result<Slice<'a>, VolumeFault> {
         let uid = &self.transfer_syntax;
         let Some(syntax) = TransferSyntaxRegistry.get(uid) else {
-            return Err(unsupported(format!("transfer syntax {}", excerpt(uid)), "save it as Explicit VR Little Endian"));
+            return Err(unsupported(
+                format!("transfer syntax {}", excerpt(uid)),
+                "save it as Explicit VR Little Endian",
+            ));
         };
         let bytes: &'a [u8] = &self.bytes;
         let damaged = |error: String| malformed("data set", format!("it is damaged ({})", excerpt(&error)));
@@ -111,7 +114,8 @@ impl<'a> DataSet<'a> {
             slope: 1.0,
             ..Slice::default()
         };
-        let mut reader = LazyDataSetReader::new_with_ts(Cursor::new(bytes), syntax).map_err(|error| damaged(error.to_string()))?;
+        let mut reader =
+            LazyDataSetReader::new_with_ts(Cursor::new(bytes), syntax).map_err(|error| damaged(error.to_string()))?;
         let mut depth = 0_usize;
         let mut fragments: Option<Vec<&'a [u8]>> = None;
         let mut is_offset_table = false;
@@ -125,7 +129,9 @@ impl<'a> DataSet<'a> {
                 }
                 LazyDataToken::SequenceEnd => {
                     depth = depth.saturating_sub(1);
-                    if depth == 0 && let Some(fragments) = fragments.take() {
+                    if depth == 0
+                        && let Some(fragments) = fragments.take()
+                    {
                         slice.pixels = Pixels::Fragments(fragments);
                         return Ok(slice);
                     }
@@ -199,7 +205,7 @@ impl<'a> Slice<'a> {
             (0x0028, 0x0008) => {
                 let frames = one("NumberOfFrames")?.unwrap_or(1.0);
                 if frames.fract() != 0.0 || !(1.0..=1e6).contains(&frames) {
-                    return Err(malformed("NumberOfFrames", format!("{frames} is no number of frames")));
+                    return Err(malformed("NumberOfFrames", format!("`{}` is no number of frames", excerpt(&text()))));
                 }
                 self.frames = frames as u32;
             }
@@ -238,7 +244,8 @@ fn meta(mut rest: &[u8]) -> Result<(String, &[u8]), VolumeFault> {
     let cut_off = || malformed("file meta information", "the file ends within it");
     while rest.starts_with(&[2, 0]) {
         let head = rest.first_chunk::<8>().ok_or_else(cut_off)?;
-        let is_long = matches!(&head[4..6], b"OB" | b"OW" | b"UN" | b"SQ" | b"UT" | b"UC" | b"UR" | b"OF" | b"OD" | b"OL");
+        let is_long =
+            matches!(&head[4..6], b"OB" | b"OW" | b"UN" | b"SQ" | b"UT" | b"UC" | b"UR" | b"OF" | b"OD" | b"OL");
         let (start, length) = match is_long {
             true => {
                 let head = rest.first_chunk::<12>().ok_or_else(cut_off)?;

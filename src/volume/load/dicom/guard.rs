@@ -25,7 +25,10 @@ impl Expected {
         }
         if bits > self.bits_allocated.into() || bits * 2 <= self.bits_allocated.into() {
             let allocated = self.bits_allocated;
-            return Err(malformed(field, format!("the packed picture has {bits} bits, the file allocates {allocated}")));
+            return Err(malformed(
+                field,
+                format!("the packed picture has {bits} bits, the file allocates {allocated}"),
+            ));
         }
         Ok(())
     }
@@ -106,10 +109,12 @@ impl Expected {
         let [style, _, _, _, _, _, _, _, _, _, precincts @ ..] = coding else {
             return Err(malformed(field, "its coding style is cut off; the file is damaged"));
         };
-        if style & 1 == 1 && precincts.iter().rev().zip(0_u32..).any(|(sides, level)| {
-            let side = |exponent: u8, whole: u32| (whole >> level.min(31)) >> exponent;
-            side(sides & 15, self.columns).max(side(sides >> 4, self.rows)) > 128
-        }) {
+        if style & 1 == 1
+            && precincts.iter().rev().zip(0_u32..).any(|(sides, level)| {
+                let side = |exponent: u8, whole: u32| (whole >> level.min(31)) >> exponent;
+                side(sides & 15, self.columns).max(side(sides >> 4, self.rows)) > 128
+            })
+        {
             return Err(malformed(field, "it is cut into more than 128 precincts along a side"));
         }
         Ok(())
@@ -125,7 +130,8 @@ impl Expected {
             return Err(malformed(field, format!("it has {} segments where {expected} belong", long(0))));
         }
         // A run of 128 bytes takes two; where more is missing than runs can make up for, the file is cut off.
-        let (expected, most) = (u64::from(self.columns) * u64::from(self.rows) * u64::from(expected), data.len() as u64 * 64);
+        let (expected, most) =
+            (u64::from(self.columns) * u64::from(self.rows) * u64::from(expected), data.len() as u64 * 64);
         match expected > most {
             true => Err(VolumeFault::Truncated { what: field.into(), expected, found: most }),
             false => Ok(()),

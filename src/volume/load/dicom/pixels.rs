@@ -54,7 +54,10 @@ pub(super) fn check(slice: &Slice) -> Result<(), VolumeFault> {
         ));
     }
     if !matches!(slice.bits_allocated, 8 | 16 | 32) {
-        return Err(unsupported(format!("BitsAllocated {}", slice.bits_allocated), "save it with 8, 16 or 32 bits per pixel"));
+        return Err(unsupported(
+            format!("BitsAllocated {}", slice.bits_allocated),
+            "save it with 8, 16 or 32 bits per pixel",
+        ));
     }
     if !(1..=slice.bits_allocated).contains(&slice.bits_stored) {
         let reason = format!("{} of {} allocated bits cannot be stored", slice.bits_stored, slice.bits_allocated);
@@ -65,7 +68,7 @@ pub(super) fn check(slice: &Slice) -> Result<(), VolumeFault> {
         return Err(malformed("HighBit", reason));
     }
     if !(slice.slope.is_finite() && slice.slope != 0.0) {
-        return Err(malformed("RescaleSlope", format!("values of {} * stored mean nothing", slice.slope)));
+        return Err(malformed("RescaleSlope", format!("values of {:?} * stored mean nothing", slice.slope)));
     }
     Ok(())
 }
@@ -118,7 +121,10 @@ fn unpack(slice: &Slice, fragments: &[&[u8]]) -> Result<Vec<u8>, VolumeFault> {
         }
     }
     if slice.bits_allocated > 16 {
-        return Err(unsupported("packed pixels of 32 bits", "unpack it to Explicit VR Little Endian, with `gdcmconv --raw`"));
+        return Err(unsupported(
+            "packed pixels of 32 bits",
+            "unpack it to Explicit VR Little Endian, with `gdcmconv --raw`",
+        ));
     }
     let broken = |reason: &str| malformed("PixelData", format!("its packed pixels are damaged ({})", excerpt(reason)));
     // What the guards let through can still be damaged within: dicom-transfer-syntax-registry indexes and slices by numbers
@@ -132,10 +138,7 @@ fn unpack(slice: &Slice, fragments: &[&[u8]]) -> Result<Vec<u8>, VolumeFault> {
 }
 
 /// The few attributes that decoders ask for, as the object that they take.
-fn object(
-    slice: &Slice,
-    data: Vec<u8>,
-) -> Result<dicom_object::FileDicomObject<InMemDicomObject>, VolumeFault> {
+fn object(slice: &Slice, data: Vec<u8>) -> Result<dicom_object::FileDicomObject<InMemDicomObject>, VolumeFault> {
     let mut object = InMemDicomObject::new_empty();
     for (tag, value) in [
         (0x0002, 1),

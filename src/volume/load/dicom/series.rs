@@ -4,7 +4,7 @@ use super::file::{DataSet, Pixels, Slice};
 use super::{is_dicom, pixels};
 use crate::volume::error::{DicomSeries, VolumeFault, excerpt};
 use crate::volume::load::{LoadReport, Parsed, SliceFault, VolumeFormat, VolumeLoadOptions};
-use crate::volume::load::{checked_size, malformed, placed_grid, samples};
+use crate::volume::load::{checked_size, malformed, placed_grid, samples, shown};
 use crate::volume::{VolumeGrid, Voxels};
 use glam::{DVec3, UVec3};
 use rayon::prelude::*;
@@ -141,8 +141,8 @@ fn check_alike(slices: &[(&str, Slice)], first_name: &str, first: &Slice) -> Res
             ]
         };
         let differs = |field: &str, found: String, expected: String| {
-            let [slice, first] = [excerpt(name), excerpt(first_name)];
-            Err(VolumeFault::SliceDiffers { slice, first, field: field.into(), found, expected })
+            let expected = format!("{expected} in `{}`", excerpt(first_name));
+            Err(VolumeFault::SliceDiffers { slice: excerpt(name), field: field.into(), found, expected })
         };
         for ((field, found), (_, expected)) in fields(slice).into_iter().zip(fields(first)) {
             if found != expected {
@@ -154,7 +154,8 @@ fn check_alike(slices: &[(&str, Slice)], first_name: &str, first: &Slice) -> Res
             (Some([a, b]), Some([c, d])) if is_near(a, c) && is_near(b, d) => {}
             (None, None) => {}
             (found, expected) => {
-                let shown = |spacing: Option<[f64; 2]>| spacing.map_or("missing".into(), |[y, x]| format!("{y} x {x}"));
+                let shown =
+                    |spacing: Option<[f64; 2]>| spacing.map_or("missing".into(), |[y, x]| format!("{y:?} x {x:?}"));
                 return differs("PixelSpacing", shown(found), shown(expected));
             }
         }
@@ -162,7 +163,9 @@ fn check_alike(slices: &[(&str, Slice)], first_name: &str, first: &Slice) -> Res
             (Some([a, b]), Some([c, d])) if a.distance(c) < 1e-3 && b.distance(d) < 1e-3 => {}
             (None, None) => {}
             (found, expected) => {
-                let shown = |axes: Option<[DVec3; 2]>| axes.map_or("missing".into(), |[x, y]| format!("{x} {y}"));
+                let shown = |axes: Option<[DVec3; 2]>| {
+                    axes.map_or("missing".into(), |[x, y]| format!("{} {}", shown(x), shown(y)))
+                };
                 return differs("ImageOrientationPatient", shown(found), shown(expected));
             }
         }
@@ -187,7 +190,7 @@ impl Steps {
         let normal = right.cross(down);
         let is_unit = |axis: DVec3| (axis.length() - 1.0).abs() < 1e-2;
         if !(is_unit(right) && is_unit(down) && is_unit(normal)) {
-            let reason = format!("{right} and {down} are not two directions at right angles");
+            let reason = format!("{} and {} are not two directions at right angles", shown(right), shown(down));
             return Err(malformed("ImageOrientationPatient", reason));
         }
         let [y, x] = match (slice.pixel_spacing_mm, options.spacing_mm) {
@@ -198,9 +201,10 @@ impl Steps {
             }
         };
         if !(x > 0.0 && y > 0.0) {
-            return Err(malformed("PixelSpacing", format!("{y} x {x} are not two positive numbers")));
+            return Err(malformed("PixelSpacing", format!("{y:?} x {x:?} are not two positive numbers")));
         }
-        let thickness = [slice.thickness_mm, slice.slice_spacing_mm].into_iter().flatten().find(|thickness| *thickness > 0.0);
+        let thickness =
+            [slice.thickness_mm, slice.slice_spacing_mm].into_iter().flatten().find(|thickness| *thickness > 0.0);
         let thickness_mm = thickness.unwrap_or(1.0);
         Ok(Self { column: right.normalize() * x, row: down.normalize() * y, normal: normal.normalize(), thickness_mm })
     }
@@ -211,6 +215,10 @@ impl Steps {
         let mut places = Vec::with_capacity(slices.len());
         for (name, slice) in slices.drain(..) {
             let position_mm = match slice.position_mm {
+                Some(position_mm) if position_mm.abs().max_element() > 1e6 => {
+                    let reason = format!("{} mm lies outside of any scanner", shown(position_mm));
+                    return Err(SliceFault::of(name)(malformed(field, reason)));
+                }
                 Some(position_mm) => position_mm,
                 None if size.z == 1 => DVec3::ZERO,
                 None => {

@@ -40,7 +40,9 @@ impl Header {
     pub(super) fn read(file: &mut Source) -> Result<Self, VolumeFault> {
         let head = file.take(BYTES_1 as u64)?;
         let length = [head[0], head[1], head[2], head[3]];
-        for (order, length) in [(ByteOrder::Little, i32::from_le_bytes(length)), (ByteOrder::Big, i32::from_be_bytes(length))] {
+        for (order, length) in
+            [(ByteOrder::Little, i32::from_le_bytes(length)), (ByteOrder::Big, i32::from_be_bytes(length))]
+        {
             match length as usize {
                 BYTES_1 => return Self::of_version_1(&head, order),
                 BYTES_2 => {
@@ -75,8 +77,8 @@ impl Header {
         // A size is signed in the file.
         let dim = header.dim.map(|size| i64::from(size as i16));
         let offset = f64::from(header.vox_offset);
-        if !(offset.fract() == 0.0 && (0.0..=1e9).contains(&offset)) {
-            return Err(malformed("vox_offset", format!("{offset} is no place in the file")));
+        if !(offset.fract() == 0.0 && offset.abs() <= 1e9) {
+            return Err(malformed("vox_offset", format!("{offset:?} is no place in the file")));
         }
         Ok(Self {
             format: VolumeFormat::Nifti1,
@@ -163,7 +165,8 @@ fn sides(dim: [i64; 8]) -> Result<[u64; 7], VolumeFault> {
 
 /// Some writers leave the offset of a single file at 0 and put the voxels behind the header and its four bytes of extensions.
 fn voxel_offset(offset: i64, is_single: bool, header_bytes: u64) -> Result<u64, VolumeFault> {
-    let offset = u64::try_from(offset).map_err(|_| malformed("vox_offset", format!("{offset} is no place in the file")))?;
+    let offset =
+        u64::try_from(offset).map_err(|_| malformed("vox_offset", format!("{offset} is no place in the file")))?;
     match (is_single, offset) {
         (true, 0) => Ok(header_bytes + 4),
         (true, _) if offset < header_bytes => {

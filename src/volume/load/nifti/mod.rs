@@ -9,7 +9,7 @@ use super::siblings::{Fetch, fetch_named};
 use super::source::Source;
 use super::text::{product, spacing};
 use super::{LPS_FROM_RAS, LoadReport, Parsed, VolumeLoadOptions};
-use super::{checked_size, choose_frame, malformed, placed_grid, unsupported};
+use super::{checked_size, choose_frame, malformed, placed_grid, shown, unsupported};
 use crate::volume::VolumeGrid;
 use crate::volume::error::{VolumeFault, excerpt};
 use glam::{DMat3, DQuat, DVec3, UVec3};
@@ -112,14 +112,18 @@ impl Pixels {
                     1536 => " (128-bit floating point)",
                     _ => "",
                 };
-                return Err(unsupported(format!("datatype {other}{name}"), "save it as 16-bit integer or 32-bit floating point"));
+                return Err(unsupported(
+                    format!("datatype {other}{name}"),
+                    "save it as 16-bit integer or 32-bit floating point",
+                ));
             }
         };
         let bits = pixels.bytes() * 8;
         match i64::try_from(bits) == Ok(header.bitpix.into()) {
             true => Ok(pixels),
             false => {
-                let reason = format!("{} contradicts datatype {}, which has {bits} bits", header.bitpix, header.datatype);
+                let reason =
+                    format!("{} contradicts datatype {}, which has {bits} bits", header.bitpix, header.datatype);
                 Err(malformed("bitpix", reason))
             }
         }
@@ -177,7 +181,8 @@ fn grid(header: &Header, size: UVec3) -> Result<(VolumeGrid, bool), VolumeFault>
         false => (DMat3::IDENTITY, DVec3::ZERO),
     };
     let step = |axis: DVec3, spaced: f64| axis * spaced * to_lps_mm;
-    let steps = [step(rotation.x_axis, spacings.x), step(rotation.y_axis, spacings.y), step(rotation.z_axis, spacings.z)];
+    let steps =
+        [step(rotation.x_axis, spacings.x), step(rotation.y_axis, spacings.y), step(rotation.z_axis, spacings.z)];
     let grid = placed_grid(size, steps, origin * to_lps_mm, "quatern_b, quatern_c, quatern_d")?;
     Ok((grid, header.qform_code > 0))
 }
@@ -189,7 +194,7 @@ impl Header {
         let real = 1.0 - vector.length_squared();
         // Rounded to 32 bits, half a turn may have a little more than unit length.
         if !vector.is_finite() || real < -1e-4 {
-            let reason = format!("{vector} is longer than 1, which is no rotation");
+            let reason = format!("{} is longer than 1, which is no rotation", shown(vector));
             return Err(malformed("quatern_b, quatern_c, quatern_d", reason));
         }
         let quaternion = DQuat::from_xyzw(vector.x, vector.y, vector.z, real.max(0.0).sqrt()).normalize();

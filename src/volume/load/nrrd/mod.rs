@@ -70,9 +70,13 @@ fn element(header: &Header) -> Result<Element, VolumeFault> {
         "ushort" | "unsigned short" | "unsigned short int" | "uint16" | "uint16_t" => Element::U16,
         "int" | "signed int" | "int32" | "int32_t" => Element::I32,
         "uint" | "unsigned int" | "uint32" | "uint32_t" => Element::U32,
-        "longlong" | "long long" | "long long int" | "signed long long" | "signed long long int" | "int64" | "int64_t" => {
-            Element::I64
-        }
+        "longlong"
+        | "long long"
+        | "long long int"
+        | "signed long long"
+        | "signed long long int"
+        | "int64"
+        | "int64_t" => Element::I64,
         "ulonglong" | "unsigned long long" | "unsigned long long int" | "uint64" | "uint64_t" => Element::U64,
         "float" => Element::F32,
         "double" => Element::F64,
@@ -99,11 +103,16 @@ impl Layout {
                     layout.sides[spatial] = *size;
                     spatial += 1;
                 }
-                Axis::Space { .. } => return Err(unsupported("a fourth axis in space", "save it as a volume of dimension 3")),
+                Axis::Space { .. } => {
+                    return Err(unsupported("a fourth axis in space", "save it as a volume of dimension 3"));
+                }
                 Axis::Other { size: 1, .. } => {}
                 Axis::Other { size: size @ (3 | 4), kind } if at == 0 && is_colour(kind) => {
                     if element != Element::U8 {
-                        return Err(unsupported(format!("colours of {}", element.name()), "save them as unsigned char"));
+                        return Err(unsupported(
+                            format!("colours of {}", element.name()),
+                            "save them as unsigned char",
+                        ));
                     }
                     layout.channels = *size;
                 }
@@ -119,7 +128,9 @@ impl Layout {
         }
         match spatial {
             2 | 3 => Ok(layout),
-            _ => Err(malformed("space directions", format!("{spatial} of the axes lie in space; a volume needs three"))),
+            _ => {
+                Err(malformed("space directions", format!("{spatial} of the axes lie in space; a volume needs three")))
+            }
         }
     }
 }

@@ -108,9 +108,10 @@ impl Space {
             "scanner-xyz" | "3d-right-handed" | "3d-left-handed" => {
                 Ok(Self { lps_from_file: DVec3::ONE, is_of_the_patient: false })
             }
-            other if other.ends_with("-time") || matches!(other, "rast" | "last" | "lpst") => {
-                Err(unsupported(format!("space {}", excerpt(named)), "save one time of it, in space left-posterior-superior"))
-            }
+            other if other.ends_with("-time") || matches!(other, "rast" | "last" | "lpst") => Err(unsupported(
+                format!("space {}", excerpt(named)),
+                "save one time of it, in space left-posterior-superior",
+            )),
             _ => Err(malformed("space", format!("`{}` is not known", excerpt(named)))),
         }
     }
@@ -153,7 +154,9 @@ fn vectors(field: &str, text: &str, count: usize) -> Result<Vec<Option<DVec3>>, 
         let vector = match parts[..] {
             [x, y] => DVec3::new(x, y, 0.0),
             [x, y, z] => DVec3::new(x, y, z),
-            _ => return Err(malformed(field, format!("`({})` has {} components, not 3", excerpt(inside), parts.len()))),
+            _ => {
+                return Err(malformed(field, format!("`({})` has {} components, not 3", excerpt(inside), parts.len())));
+            }
         };
         if !vector.is_finite() {
             return Err(malformed(field, format!("`({})` is not finite", excerpt(inside))));

@@ -1,0 +1,189 @@
+//! Volumes at 800x600 beside an empty Bevy scene: a full redraw, an unchanged view, drilling with the redraw.
+//!
+//! A head of 256^3 voxels of 8 bits with the transfer function, the share of the picture and the distance between samples that
+//! `../shared/peers/b_volume_vtk.py` has, where the scan is at hand; otherwise the phantom. The scenes take turns frame by
+//! frame, so that a machine that slows down slows all of them.
+
+mod turns;
+
+use bevy::math::{DVec3, Vec3A};
+use bevy::pbr::PbrPlugin;
+use bevy::prelude::*;
+use bevy_surgery::prelude::*;
+use bevy_surgery::testing::TestApp;
+use bevy_surgery::volume::cut::{Burr, BurrKind, BurrPose, BurrShape};
+use bevy_surgery::volume::load::load_path;
+use bevy_surgery::volume::phantom::{PhantomOptions, phantom};
+use bevy_surgery::volume::structures::Structures;
+use bevy_surgery::volume::transfer::{ControlPoint, TransferFunction};
+use bevy_surgery::volume::*;
+use criterion::{Criterion, criterion_group, criterion_main};
+use std::f32::consts::TAU;
+
+#[derive(Clone, Copy, Debug, PartialEq)]
+enum Scene {
+    Empty,
+    /// The view turns: everything is drawn again.
+    Turned,
+    /// The same without light.
+    TurnedUnshaded,
+    /// The same as slices.
+    TurnedSlices,
+    /// Nothing changes.
+    Unchanged,
+    /// A burr of a radius of 8 voxels is drawn over the bone.
+    Drilled,
+}
+
+const SCENES: [(Scene, &str); 6] = [
+    (Scene::Empty, "empty scene"),
+    (Scene::Unchanged, "unchanged view"),
+    (Scene::Turned, "full redraw, wet shading"),
+    (Scene::TurnedUnshaded, "full redraw, unshaded"),
+    (Scene::Drilled, "drilling and its redraw"),
+    (Scene::TurnedSlices, "full redraw, slices"),
+];
+
+const SIDE: u32 = 256;
+
+/// The head as the peers have it: 256^3, between its voxels linear.
+fn head() -> Option<(Volume, TransferFunction)> {
+    let path = concat!(env!("CARGO_MANIFEST_DIR"), "/../shared/data/ct/head.nii.gz");
+    let (head, _) = load_path(path, &default()).ok()?;
+    let from = head.grid().size;
+    let grid = VolumeGrid::upright(UVec3::splat(SIDE), DVec3::ONE);
+    let mut voxels = vec![0_u8; grid.count()];
+    for (place, voxel) in voxels.iter_mut().enumerate() {
+        let place = place as u32;
+        let to = UVec3::new(place % SIDE, place / SIDE % SIDE, place / SIDE / SIDE).as_vec3();
+        let at = to * (from.as_vec3() - 1.0) / (SIDE - 1) as f32;
+        let low = at.floor().min(from.as_vec3() - 2.0);
+        let share = at - low;
+        let mut sum = 0.0;
+        for corner in 0..8 {
+            let side = UVec3::new(corner & 1, corner >> 1 & 1, corner >> 2);
+            let weight = |axis: usize| if side[axis] == 1 { share[axis] } else { 1.0 - share[axis] };
+            sum += head.voxels().stored(head.grid().index(low.as_uvec3() + side)) as f32
+                * weight(0)
+                * weight(1)
+                * weight(2);
+        }
+        *voxel = sum as u8;
+    }
+    let point = |value: f64, opacity, colour| ControlPoint { value, colour, opacity };
+    let transfer = TransferFunction {
+        points: vec![
+            point(0.0, 0.0, [0, 0, 0]),
+            point(40.0, 0.0, [136, 85, 68]),
+            point(60.0, 0.03, [204, 128, 102]),
+            point(100.0, 0.05, [229, 187, 166]),
+            point(120.0, 0.5, [242, 230, 204]),
+            point(255.0, 0.9, [255, 255, 255]),
+        ],
+        reference_length_m: 1e-3,
+        ..TransferFunction::window(0.5, 1.0)
+    };
+    let volume = Volume::new(grid, Voxels::U8(voxels), 1.0, 0.0).ok()?;
+    let structures = Structures::for_volume(&volume).ok()?;
+    Some((volume.with_structures(structures).ok()?, transfer))
+}
+
+struct Bench {
+    app: TestApp,
+    scene: Scene,
+    camera: Entity,
+    volume: Option<Entity>,
+    frame: u32,
+}
+
+fn bench(scene: Scene, volume: &Volume, transfer: &TransferFunction) -> Bench {
+    let mut app = TestApp::gpu_with(800, 600, |app| {
+        app.add_plugins(PbrPlugin::default());
+    });
+    let extent = volume.grid().half_axes_m()[0].length();
+    // The share of the picture that the peers' head has, 0.36.
+    let view = Transform::from_xyz(0.0, 0.0, extent * 4.1).looking_at(Vec3::ZERO, Vec3::Y);
+    let camera = app.spawn_camera(view);
+    let lamp = ScopeLight { intensity_cd: 4e4 * extent * extent, ..default() };
+    app.world_mut().entity_mut(camera).insert(lamp);
+    let mut body = None;
+    if scene != Scene::Empty {
+        let mut look = VolumeLook::default();
+        look.wet.is_shaded = scene != Scene::TurnedUnshaded;
+        if scene == Scene::TurnedUnshaded {
+            look.wet.smoothed = SmoothedNormals::None;
+        }
+        if scene == Scene::TurnedSlices {
+            look.method = VolumeMethod::Slices;
+        }
+        let handle = app.world_mut().resource_mut::<Assets<Volume>>().add(volume.clone());
+        body = Some(app.world_mut().spawn((CtVolume(handle), transfer.clone(), look)).id());
+    }
+    for _ in 0..3 {
+        app.idle();
+    }
+    app.warm_up();
+    for _ in 0..6 {
+        app.idle();
+    }
+    Bench { app, scene, camera, volume: body, frame: 0 }
+}
+
+fn frame(bench: &mut Bench) {
+    bench.frame += 1;
+    match bench.scene {
+        Scene::Turned | Scene::TurnedUnshaded | Scene::TurnedSlices => {
+            let mut view = bench.app.world_mut().get_mut::<Transform>(bench.camera).expect("it was spawned");
+            view.rotate_around(Vec3::ZERO, Quat::from_rotation_y(1_f32.to_radians()));
+            bench.app.idle();
+        }
+        Scene::Drilled => {
+            let volume = bench.volume.expect("it was spawned");
+            let world = bench.app.world_mut();
+            let body = world.get::<CtVolume>(volume).expect("it was spawned").0.clone();
+            let grid = *world.resource::<Assets<Volume>>().get(&body).expect("it was added").grid();
+            let volume_from_voxel = grid.volume_from_voxel();
+            let radius_m = 8.0 * grid.spacing_mm().min_element() as f32 * 1e-3;
+            let burr = Burr { kind: BurrKind::Cutting, shape: BurrShape::Sphere, diameter_m: 2.0 * radius_m };
+            let at = |frame: u32| {
+                let turn = frame as f32 * 0.02 % TAU;
+                let voxel =
+                    Vec3A::new(128.0 + 40.0 * turn.cos(), 128.0 + 40.0 * turn.sin(), 225.0 - 0.02 * frame as f32);
+                BurrPose { centre_m: volume_from_voxel.transform_point3a(voxel).into(), axis: Vec3::Z }
+            };
+            let (from_world, to_world) = (at(bench.frame), at(bench.frame + 1));
+            world.write_message(DrillVolume {
+                volume,
+                tool: None,
+                burr,
+                from_world,
+                to_world,
+                force_n: 1e4,
+                speed_rpm: 4e4,
+                begins_stroke: bench.frame == 1,
+            });
+            bench.app.step(1);
+        }
+        Scene::Empty | Scene::Unchanged => bench.app.idle(),
+    }
+}
+
+fn frames(c: &mut Criterion) {
+    let (volume, transfer) = head().unwrap_or_else(|| {
+        let volume = phantom(&PhantomOptions { size: SIDE, ..default() }).expect("the crate's own phantom");
+        let transfer = TransferFunction::for_volume(&volume);
+        (volume, transfer)
+    });
+    let mut benches: Vec<Bench> = SCENES.iter().map(|(scene, _)| bench(*scene, &volume, &transfer)).collect();
+    let medians = turns::medians_ms(30, &mut benches, frame);
+    for ((_, name), median) in SCENES.iter().zip(&medians) {
+        println!("{name}: {median:.2} ms a frame, {:+.2} ms over the empty scene", median - medians[0]);
+    }
+    let mut group = c.benchmark_group("volume 256^3, 800x600");
+    group.sample_size(10);
+    turns::bench_each(&mut group, &SCENES.map(|(_, name)| name), &mut benches, frame);
+    group.finish();
+}
+
+criterion_group!(benches, frames);
+criterion_main!(benches);

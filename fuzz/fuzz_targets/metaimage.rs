@@ -1,0 +1,13 @@
+//! MetaImage; a header that names a data file gets the same bytes again.
+
+#![no_main]
+
+use bevy_surgery::volume::load::{VolumeLoadOptions, parse_with};
+use libfuzzer_sys::fuzz_target;
+
+fuzz_target!(|bytes: &[u8]| {
+    for frame in [None, Some(1)] {
+        let options = VolumeLoadOptions { frame, ..VolumeLoadOptions::default() };
+        let _ = parse_with(bytes, "a.mha", &options, &mut |_| Ok(bytes.to_vec()));
+    }
+});
