@@ -79,7 +79,11 @@ fn setup(mut commands: Commands, args: Res<Args>, stage: Res<Stage>, mut volumes
         // On both layers, because the drill casts its shadow from here.
         children![
             (MicroscopeLamp::default(), RenderLayers::from_layers(&[0, 1])),
-            (PointLight { intensity: 9000.0, range: 2.0, ..default() }, Transform::from_xyz(-0.1, 0.12, 0.0), RenderLayers::layer(1)),
+            (
+                PointLight { intensity: 9000.0, range: 2.0, ..default() },
+                Transform::from_xyz(-0.1, 0.12, 0.0),
+                RenderLayers::layer(1)
+            ),
         ],
     ));
     let microscope = microscope.id();

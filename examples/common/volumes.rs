@@ -88,7 +88,10 @@ pub fn compare_with_empty(app: &mut TestApp, measures: &mut Measures) {
         return;
     }
     for _ in 0..15 {
-        for (frame, shown) in [Visibility::Hidden, Visibility::Hidden, Visibility::Inherited, Visibility::Inherited].into_iter().enumerate() {
+        for (frame, shown) in [Visibility::Hidden, Visibility::Hidden, Visibility::Inherited, Visibility::Inherited]
+            .into_iter()
+            .enumerate()
+        {
             for &volume in &volumes {
                 app.world_mut().entity_mut(volume).insert(shown);
             }

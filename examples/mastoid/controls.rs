@@ -101,7 +101,8 @@ fn change_cut(
             _ => {
                 let read = std::fs::read(CUT_FILE).map_err(|error| error.to_string());
                 let loaded = read.and_then(|bytes| {
-                    CutVolume::load(&bytes, volume.grid().size, volume.content_hash()).map_err(|error| error.to_string())
+                    CutVolume::load(&bytes, volume.grid().size, volume.content_hash())
+                        .map_err(|error| error.to_string())
                 });
                 match loaded {
                     Ok(loaded) => {

@@ -137,7 +137,9 @@ fn watch(
         // Balls along its axis are as near as the burr.
         let reach_m = match drill.burr.shape {
             BurrShape::Sphere => 0.0,
-            BurrShape::Cylinder { length_m } | BurrShape::Matchstick { length_m } => (0.5 * length_m - radius_m).max(0.0),
+            BurrShape::Cylinder { length_m } | BurrShape::Matchstick { length_m } => {
+                (0.5 * length_m - radius_m).max(0.0)
+            }
         };
         let balls = [-1.0, 0.0, 1.0].map(|side| pose.centre_m + pose.axis * (side * reach_m));
         let nearest = balls.iter().filter_map(|ball| distances.nearest(voxel_from_world.transform_point3(*ball)));

@@ -64,7 +64,8 @@ fn spawn_panel(mut commands: Commands, stage: Res<Stage>) {
         is_active: false,
         ..default()
     };
-    let camera = commands.spawn((PanelCamera, Camera2d, camera, Msaa::Off, RenderLayers::none(), stage.target.clone())).id();
+    let camera =
+        commands.spawn((PanelCamera, Camera2d, camera, Msaa::Off, RenderLayers::none(), stage.target.clone())).id();
     let line = |line| {
         let font = TextFont { font_size: FontSize::Px(12.0), ..default() };
         (line, Text::default(), font, TextColor(PLAIN))
@@ -87,10 +88,16 @@ fn spawn_panel(mut commands: Commands, stage: Res<Stage>) {
             panel.spawn(line(Line::Drill));
             panel.spawn(line(Line::Nearest));
             for row in 0..ROWS {
-                panel.spawn(Node { column_gap: px(6), align_items: AlignItems::Center, ..default() }).with_children(|pair| {
-                    pair.spawn((Chip(row), Node { width: px(9), height: px(9), flex_shrink: 0.0, ..default() }, BackgroundColor(Color::NONE)));
-                    pair.spawn(line(Line::Structure(row)));
-                });
+                panel.spawn(Node { column_gap: px(6), align_items: AlignItems::Center, ..default() }).with_children(
+                    |pair| {
+                        pair.spawn((
+                            Chip(row),
+                            Node { width: px(9), height: px(9), flex_shrink: 0.0, ..default() },
+                            BackgroundColor(Color::NONE),
+                        ));
+                        pair.spawn(line(Line::Structure(row)));
+                    },
+                );
             }
             panel.spawn(line(Line::Notice));
         });
@@ -102,7 +109,8 @@ fn lay_out(
     mut microscopes: Query<(&mut Camera, &mut ScopeMask, Has<StereoPair>), (With<Microscope>, Without<PanelCamera>)>,
     mut panels: Query<&mut Camera, With<PanelCamera>>,
 ) {
-    let (Some((mut scope, mut mask, is_pair)), Some(mut panel)) = (microscopes.iter_mut().next(), panels.iter_mut().next())
+    let (Some((mut scope, mut mask, is_pair)), Some(mut panel)) =
+        (microscopes.iter_mut().next(), panels.iter_mut().next())
     else {
         return;
     };
@@ -141,17 +149,25 @@ fn write_lines(
     mut lines: Query<(&Line, &mut Text, &mut TextColor)>,
     mut chips: Query<(&Chip, &mut BackgroundColor)>,
 ) {
-    let patient = patients.iter().next().and_then(|(source, removed)| Some((volumes.get(&source.0)?.structures()?, removed)));
+    let patient =
+        patients.iter().next().and_then(|(source, removed)| Some((volumes.get(&source.0)?.structures()?, removed)));
     let list = patient.map_or(&[][..], |(structures, _)| structures.list());
     let rows: Vec<(&Structure, f64)> = patient.map_or(Vec::new(), |(_, removed)| listed(list, removed));
     let is_hurt = danger.alarm_steps > 0 || danger.nearest.is_some_and(|(_, mm)| mm <= 0.0);
     let is_near = danger.nearest.is_some_and(|(_, mm)| mm < WARNING_MM);
-    let colour = if is_hurt { ALARM } else if is_near { WARNING } else { PLAIN };
+    let colour = if is_hurt {
+        ALARM
+    } else if is_near {
+        WARNING
+    } else {
+        PLAIN
+    };
     for (line, mut text, mut text_colour) in &mut lines {
         let (said, colour) = match *line {
             Line::Drill => (said_of_drill(&drill), PLAIN),
             Line::Nearest => {
-                let named = danger.nearest.and_then(|(label, mm)| Some((list.get(usize::from(label).checked_sub(1)?)?, mm)));
+                let named =
+                    danger.nearest.and_then(|(label, mm)| Some((list.get(usize::from(label).checked_sub(1)?)?, mm)));
                 let said = match named {
                     Some((structure, mm)) if mm > 0.0 => format!("{}\n{mm:.1} mm away\n", structure.name),
                     Some((structure, _)) => format!("{}\nTOUCHED\n", structure.name),
@@ -161,9 +177,10 @@ fn write_lines(
                 (said, colour)
             }
             Line::Structure(row) => match rows.get(row) {
-                Some((structure, mm3)) => {
-                    (format!("{}\n{mm3:.1} mm3", structure.name), if structure.is_critical && *mm3 > 0.0 { ALARM } else { PLAIN })
-                }
+                Some((structure, mm3)) => (
+                    format!("{}\n{mm3:.1} mm3", structure.name),
+                    if structure.is_critical && *mm3 > 0.0 { ALARM } else { PLAIN },
+                ),
                 None => (String::new(), PLAIN),
             },
             Line::Notice => (notice.0.clone(), PLAIN),

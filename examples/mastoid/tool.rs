@@ -31,7 +31,8 @@ fn spawn_drill(
     // Without a renderer there is nothing to see.
     let (Some(mut meshes), Some(mut materials)) = (meshes, materials) else { return };
     // Radius and height of the shaft, millimetres: a thin neck, the collar, the handle.
-    let outline = [(0.0, 0.0), (0.75, 0.0), (1.1, 24.0), (2.2, 34.0), (3.6, 37.0), (4.6, 52.0), (5.5, 120.0), (0.0, 120.0)];
+    let outline =
+        [(0.0, 0.0), (0.75, 0.0), (1.1, 24.0), (2.2, 34.0), (3.6, 37.0), (4.6, 52.0), (5.5, 120.0), (0.0, 120.0)];
     let handle = revolve(&outline.map(|(radius, height)| Vec2::new(radius, height) * 1e-3), 0.0);
     let steel = StandardMaterial {
         base_color: Color::srgb(0.55, 0.57, 0.6),
@@ -80,7 +81,8 @@ fn outline(burr: &Burr) -> Vec<Vec2> {
         BurrShape::Matchstick { length_m } => ((0.5 * length_m - radius_m).max(0.0), true),
         BurrShape::Cylinder { length_m } => (0.5 * length_m, false),
     };
-    let quarter = |k: u32| if is_round { Vec2::from_angle(std::f32::consts::FRAC_PI_2 * k as f32 / 10.0) } else { Vec2::X };
+    let quarter =
+        |k: u32| if is_round { Vec2::from_angle(std::f32::consts::FRAC_PI_2 * k as f32 / 10.0) } else { Vec2::X };
     let tip = Vec2::new(0.0, -straight_m - if is_round { radius_m } else { 0.0 });
     let below = (0..10).rev().map(|k| quarter(k) * Vec2::new(radius_m, -radius_m) - Vec2::Y * straight_m);
     let above = (0..10).map(|k| quarter(k) * radius_m + Vec2::Y * straight_m);
@@ -105,7 +107,8 @@ fn revolve(outline: &[Vec2], groove: f32) -> Mesh {
     for ring in 0..outline.len() as u32 - 1 {
         for k in 0..SEGMENTS {
             let next = (k + 1) % SEGMENTS;
-            let [a, b, c, d] = [ring * SEGMENTS + k, ring * SEGMENTS + next, (ring + 1) * SEGMENTS + k, (ring + 1) * SEGMENTS + next];
+            let [a, b, c, d] =
+                [ring * SEGMENTS + k, ring * SEGMENTS + next, (ring + 1) * SEGMENTS + k, (ring + 1) * SEGMENTS + next];
             indices.extend([a, b, c, c, b, d]);
         }
     }

@@ -36,12 +36,11 @@ pub use map::{ToolCasterUniform, ToolShadowMaps};
 pub use prepare::ToolShadowUniform;
 
 use crate::render::{OrganPasses, VolumePasses, finite_within};
-use bevy::camera::Camera3dDepthTextureUsage;
 use bevy::core_pipeline::core_3d::{main_opaque_pass_3d, main_transparent_pass_3d};
 use bevy::core_pipeline::schedule::{Core3d, Core3dSystems, camera_driver};
 use bevy::math::Affine3A;
 use bevy::prelude::*;
-use bevy::render::render_resource::{SpecializedMeshPipelines, TextureUsages};
+use bevy::render::render_resource::SpecializedMeshPipelines;
 use bevy::render::renderer::{RenderGraph, RenderGraphSystems};
 use bevy::render::{ExtractSchedule, GpuResourceAppExt, Render, RenderApp, RenderStartup, RenderSystems};
 
@@ -110,7 +109,7 @@ impl ToolShadows {
 /// Whatever is to receive shadows must be drawn between the two, and write depth.
 #[derive(SystemSet, Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum ToolShadowPasses {
-    /// Keeps the depth of what does not receive; after Bevy's opaque pass, before the organs.
+    /// Keeps the depth of what does not receive; after Bevy's opaque pass, before volumes and organs.
     KeepDepth,
     /// Darkens what was drawn since; after the organs' layers, before Bevy's transparent pass.
     Apply,
@@ -124,14 +123,11 @@ pub(super) fn build(app: &mut App) {
     if app.get_sub_app(RenderApp).is_none() {
         return;
     }
-    // In the main world, as the guide to Bevy's passes advises: there the order is nobody else's business.
-    app.add_systems(Last, let_depth_be_read);
     let Some(render_app) = app.get_sub_app_mut(RenderApp) else { return };
     render_app
         .configure_sets(
             Core3d,
             (
-                // Volumes receive as organs do, and are drawn before them.
                 ToolShadowPasses::KeepDepth.after(main_opaque_pass_3d).before(VolumePasses),
                 ToolShadowPasses::Apply.after(OrganPasses::Highlights).before(main_transparent_pass_3d),
             )
@@ -159,22 +155,4 @@ pub(super) fn build(app: &mut App) {
                 apply::apply_shadows.in_set(ToolShadowPasses::Apply),
             ),
         );
-}
-
-/// Lets depth be copied and read, as soon as a scene has something that casts.
-fn let_depth_be_read(
-    lamps: Query<(), With<ToolShadows>>,
-    casters: Query<(), With<ToolShadow>>,
-    mut cameras: Query<&mut Camera3d>,
-) {
-    if lamps.is_empty() || casters.is_empty() {
-        return;
-    }
-    let wanted = (TextureUsages::TEXTURE_BINDING | TextureUsages::COPY_SRC).bits();
-    for mut camera in &mut cameras {
-        let Camera3dDepthTextureUsage(present) = camera.depth_texture_usages;
-        if present & wanted != wanted {
-            camera.depth_texture_usages = Camera3dDepthTextureUsage(present | wanted);
-        }
-    }
 }
