@@ -29,6 +29,9 @@ use bevy_surgery::volume::{CtVolume, CutVolume, RemovedTissue, Volume, WatchCrit
 use common::{Args, Chosen, Script, Stage, Viewer};
 use std::process::ExitCode;
 
+/// By how much the mastoid of the real temporal bone is turned towards the microscope.
+const MASTOID_TURN_RAD: f32 = 0.45;
+
 /// The bone that is drilled.
 #[derive(Component)]
 struct Patient;
@@ -64,8 +67,12 @@ fn setup(mut commands: Commands, args: Res<Args>, stage: Res<Stage>, mut volumes
     // The farthest warning, 2 mm from the surface of a burr, is given 5 mm from its middle.
     let mut patient = commands.spawn((Patient, WatchCritical { band_mm: 6.0 }));
     let facing = match common::volume(&args, &mut patient, &mut volumes)? {
-        // It was scanned lying on its side: this turns the mastoid's outer surface towards the microscope.
-        Chosen::TemporalBone => Quat::IDENTITY,
+        // A right ear as well. Its outer side is at -Y and the top of the head at -Z, the back of the head at +X; turned a
+        // little further, the mastoid behind the ear canal lies in the middle.
+        Chosen::TemporalBone => {
+            Quat::from_rotation_y(MASTOID_TURN_RAD)
+                * Quat::from_mat3(&Mat3::from_cols(Vec3::NEG_X, Vec3::NEG_Z, Vec3::NEG_Y))
+        }
         // The phantom and patients face +Z.
         Chosen::Phantom | Chosen::Given => Quat::IDENTITY,
     };
@@ -146,7 +153,7 @@ fn turn(mut patients: Query<&mut Transform, With<Patient>>) {
 fn count(world: &mut World) -> serde_json::Map<String, serde_json::Value> {
     let mut counters = serde_json::Map::new();
     let fixed = world.resource::<Time<Fixed>>();
-    counters.insert("steps".into(), (fixed.elapsed().as_nanos() / fixed.timestep().as_nanos()).to_string().into());
+    counters.insert("steps".into(), ((fixed.elapsed().as_nanos() / fixed.timestep().as_nanos()) as u64).into());
     let mut patients = world.query_filtered::<(&CtVolume, &RemovedTissue), With<Patient>>();
     for (source, removed) in patients.iter(world) {
         let Some(volume) = world.resource::<Assets<Volume>>().get(&source.0) else { continue };

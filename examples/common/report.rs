@@ -53,7 +53,6 @@ impl Measures {
         let mut stages = spans("surgery/", "");
         let pace: Map<String, Value> =
             ["steps_per_frame", "lost_time"].iter().filter_map(|name| stages.remove_entry(*name)).collect();
-        let empty_ms = quantile(&self.by_organs_shown[0], 0.5);
         let mut report = json!({
             "adapter": adapter,
             "size": [size.x, size.y],
@@ -63,9 +62,6 @@ impl Measures {
                 "p95": rounded(quantile(&self.frames_ms, 0.95)),
             },
             "organs_ready_ms": rounded(self.organs_ready.as_secs_f64() * 1e3),
-            "empty_frame_ms": rounded(empty_ms),
-            "first_organ_over_empty_ms": rounded(quantile(&self.by_organs_shown[1], 0.5) - empty_ms),
-            "organs_over_empty_ms": rounded(quantile(&self.by_organs_shown[2], 0.5) - empty_ms),
             "stage_ms": stages,
             "pace": pace,
             "pass_ms": spans("render/", "/elapsed_gpu"),
@@ -76,14 +72,19 @@ impl Measures {
             "rectangles_uploaded_per_frame_p95": quantile(&self.uploaded_rectangles, 0.95),
             "counters": counters,
         });
-        let [empty, redrawn, unchanged] = &self.by_volumes_shown;
-        if let (false, Some(report)) = (empty.is_empty(), report.as_object_mut()) {
-            // Of the frames without organs and volumes, the ones that were measured.
-            let over_empty = |times: &[f64]| json!(rounded(quantile(times, 0.5) - quantile(empty, 0.5)));
-            report.insert("without_volumes_frame_ms".into(), json!(rounded(quantile(empty, 0.5))));
-            report.insert("volumes_redrawn_over_empty_ms".into(), over_empty(redrawn));
-            report.insert("volumes_unchanged_over_empty_ms".into(), over_empty(unchanged));
-        }
+        let mut compare = |times: &[Vec<f64>; 3], names: [&str; 3]| {
+            let empty_ms = quantile(&times[0], 0.5);
+            if let (false, Some(report)) = (times[0].is_empty(), report.as_object_mut()) {
+                report.insert(names[0].into(), json!(rounded(empty_ms)));
+                for (name, times) in names.iter().zip(times).skip(1) {
+                    report.insert(name.to_string(), json!(rounded(quantile(times, 0.5) - empty_ms)));
+                }
+            }
+        };
+        let organs = ["empty_frame_ms", "first_organ_over_empty_ms", "organs_over_empty_ms"];
+        compare(&self.by_organs_shown, organs);
+        let volumes = ["without_volumes_frame_ms", "volumes_redrawn_over_empty_ms", "volumes_unchanged_over_empty_ms"];
+        compare(&self.by_volumes_shown, volumes);
         report
     }
 }

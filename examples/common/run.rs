@@ -83,6 +83,7 @@ pub fn main_with(
 
 /// The organ of the arguments; otherwise a real one of the data folder beside the project, where it is there;
 /// otherwise the liver that ships with the crate.
+#[allow(dead_code, reason = "not every example has organs")]
 pub fn organ(
     args: &Args,
     real: Option<&str>,

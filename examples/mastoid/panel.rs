@@ -6,6 +6,8 @@ use crate::drill::{Danger, Drill, WARNING_MM};
 use bevy::camera::visibility::RenderLayers;
 use bevy::camera::{ClearColorConfig, Viewport};
 use bevy::prelude::*;
+use bevy::sprite::SpritePlugin;
+use bevy::sprite_render::SpriteRenderPlugin;
 use bevy::text::{FontSize, TextPlugin};
 use bevy::ui::UiPlugin;
 use bevy::ui_render::UiRenderPlugin;
@@ -52,7 +54,7 @@ pub fn build(app: &mut App) {
     }
     // Bevy's default plugins bring them along; a headless run has only what it was given.
     if !app.is_plugin_added::<UiPlugin>() {
-        app.add_plugins((TextPlugin, UiPlugin, UiRenderPlugin));
+        app.add_plugins((SpritePlugin, SpriteRenderPlugin, TextPlugin, UiPlugin, UiRenderPlugin));
     }
     app.add_systems(Startup, spawn_panel).add_systems(Update, (lay_out, write_lines));
 }
