@@ -106,7 +106,7 @@ use bevy::app::{PluginGroup, PluginGroupBuilder};
 /// | [`SkinPlugin`](skin::SkinPlugin) | [`Skin`](skin::Skin) | organ; render to be seen |
 /// | [`ReactionsPlugin`](reactions::ReactionsPlugin) | [`Reactions`](reactions::Reactions), [`OrganTouch`](reactions::OrganTouch) | organ; render to be seen |
 /// | [`HighlightsPlugin`](highlights::HighlightsPlugin) | [`Highlights`](highlights::Highlights) | organ; render to be seen |
-/// | [`SurgeryViewPlugin`](view::SurgeryViewPlugin) (feature `render`) | [`Endoscope`](view::Endoscope), [`ScopeLight`](view::ScopeLight), [`ScopeMask`](view::ScopeMask) | render |
+/// | [`SurgeryViewPlugin`](view::SurgeryViewPlugin) (feature `render`) | [`Endoscope`](view::Endoscope), [`Microscope`](view::Microscope), [`ScopeLight`](view::ScopeLight), [`ScopeMask`](view::ScopeMask), [`StereoPair`](view::StereoPair), [`MonitorView`](view::MonitorView), [`ToolShadows`](view::ToolShadows) | render |
 pub struct SurgeryPlugins;
 
 impl PluginGroup for SurgeryPlugins {

@@ -36,6 +36,7 @@ const RENDER_WORLD: &[&str] = &[
     "skin/render/prepare.rs",
     "view/tool_shadows/map.rs",
     "view/tool_shadows/prepare.rs",
+    "volume/render/",
 ];
 
 /// Public types of the sources: name, file, and whether `Reflect` is derived.

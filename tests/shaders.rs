@@ -10,6 +10,7 @@ use bevy_surgery::render::{LightUniform, OrganLights, SHADERS};
 use bevy_surgery::skin::SkinUniform;
 use bevy_surgery::testing::TestApp;
 use bevy_surgery::view::{ScopeMaskUniform, ToolCasterUniform, ToolShadowUniform};
+use bevy_surgery::volume::VolumeUniform;
 use naga::valid::{Capabilities, ValidationFlags, Validator};
 use naga_oil::compose::{ComposableModuleDescriptor, Composer, NagaModuleDescriptor, ShaderDefValue};
 use std::collections::{BTreeSet, HashMap};
@@ -125,6 +126,10 @@ fn every_shader_composes_and_validates() {
         if let Err(reason) = compose_with(&mut composer, shader.path, shader.source, &["MULTISAMPLED"]) {
             panic!("{} with several samples: {reason}", shader.path);
         }
+        // Volumes with colours of their own, and what of them writes depth.
+        if let Err(reason) = compose_with(&mut composer, shader.path, shader.source, &["OWN_COLOURS", "SOLID_PART"]) {
+            panic!("{} with colours of the voxels: {reason}", shader.path);
+        }
     }
     let wrong = "@fragment fn fragment() -> @location(0) vec4<f32> { return 1.0; }";
     assert!(compose(&mut composer, "wrong.wgsl", wrong).is_err(), "a wrong shader must not pass");
@@ -185,6 +190,8 @@ fn rust_and_wgsl_agree_on_every_struct() {
     assert_layout!(&map.expect("composes"), "ToolCasterUniform", ToolCasterUniform);
     let shadows = compose(&mut composer, "view/tool_shadows.wgsl", source("view/tool_shadows.wgsl"));
     assert_layout!(&shadows.expect("composes"), "ToolShadowUniform", ToolShadowUniform);
+    let march = compose(&mut composer, "volume/march.wgsl", source("volume/march.wgsl")).expect("composes");
+    assert_layout!(&march, "VolumeUniform", VolumeUniform);
     let (size, offsets) = layout_in(&skin, "PrimaryVertex");
     assert_eq!(size as usize, size_of::<PrimaryVertex>());
     assert_eq!(offsets[0].1 as usize, std::mem::offset_of!(PrimaryVertex, position_m));
@@ -234,6 +241,7 @@ fn no_struct_escapes_the_comparison() {
         "SkinUniform",
         "ToolCasterUniform",
         "ToolShadowUniform",
+        "VolumeUniform",
     ];
     let compared: BTreeSet<String> = compared.into_iter().chain(["View"]).map(String::from).collect();
     assert_eq!(found, compared, "add new structs to `rust_and_wgsl_agree_on_every_struct` and to this list");

@@ -1,12 +1,11 @@
 //! Shadows of tools against closed forms and their CPU twin.
 
+mod casting;
+
 use crate::support::plain_skin;
-use bevy::asset::RenderAssetUsages;
-use bevy::camera::visibility::RenderLayers;
 use bevy::camera::{Hdr, Projection, RenderTarget, ScalingMode, Viewport};
 use bevy::core_pipeline::tonemapping::Tonemapping;
 use bevy::light::GlobalAmbientLight;
-use bevy::mesh::{Indices, PrimitiveTopology, VertexAttributeValues};
 use bevy::pbr::PbrPlugin;
 use bevy::prelude::*;
 use bevy::render::RenderApp;
@@ -333,7 +332,7 @@ fn what_is_lit_keeps_its_bits() {
             assert!((place.texel - 256.0).abs().max_element() < 200.0, "{place:?}");
         }
     }
-    assert!(tool > 100 && between > 100 && changed > 200, "{tool} of the tool, {between} above it, {changed} darker");
+    assert!(tool > 60 && between > 60 && changed > 100, "{tool} of the tool, {between} above it, {changed} darker");
     scene.app.world_mut().entity_mut(bar).insert(Visibility::Hidden);
     let [shaded, plain] = scene.pictures();
     assert!(shaded == plain, "a hidden tool casts nothing");
@@ -384,126 +383,6 @@ impl Scene {
 
 fn darker([shaded, plain]: &[RgbaImage; 2]) -> usize {
     shaded.pixels().zip(plain.pixels()).filter(|(a, b)| a.0[0] < b.0[0]).count()
-}
-
-/// A triangle's mesh in each form that Bevy has, kept only in the render world where asked.
-fn triangle(topology: PrimitiveTopology, indices: Option<Indices>, usage: RenderAssetUsages) -> Mesh {
-    let mut mesh = Mesh::new(topology, usage);
-    let corners = vec![[-0.02, -0.02, 0.0], [0.02, -0.02, 0.0], [0.0, 0.02, 0.0]];
-    // Attributes before and after the position must not disturb.
-    mesh.insert_attribute(Mesh::ATTRIBUTE_UV_0, vec![[0.0, 0.0]; 3]);
-    mesh.insert_attribute(Mesh::ATTRIBUTE_POSITION, corners);
-    mesh.insert_attribute(Mesh::ATTRIBUTE_NORMAL, vec![[0.0, 0.0, 1.0]; 3]);
-    if let Some(indices) = indices {
-        mesh.insert_indices(indices);
-    }
-    mesh
-}
-
-#[test]
-fn every_kind_of_mesh_casts_the_same() {
-    use PrimitiveTopology::{TriangleList, TriangleStrip};
-    let both = RenderAssetUsages::default();
-    let kinds = [
-        (TriangleList, None, both),
-        (TriangleList, Some(Indices::U16(vec![0, 1, 2])), both),
-        (TriangleList, Some(Indices::U32(vec![2, 0, 1])), RenderAssetUsages::RENDER_WORLD),
-        (TriangleStrip, None, both),
-        (TriangleStrip, Some(Indices::U16(vec![0, 1, 2])), both),
-        (TriangleStrip, Some(Indices::U32(vec![0, 1, 2])), RenderAssetUsages::RENDER_WORLD),
-    ];
-    let pictures = kinds.map(|(topology, indices, usage)| {
-        let mut scene = scene();
-        // Another mesh first, so that the triangle does not lie at the beginning of its buffers.
-        let other = scene.add_tool(Cuboid::new(0.01, 0.01, 0.01), Transform::from_xyz(0.05, 0.0, 0.03));
-        let tilted = Transform::from_xyz(0.0, 0.0, 0.05).with_scale(Vec3::new(1.0, -1.0, 1.0));
-        scene.add_tool(triangle(topology, indices, usage), tilted);
-        let pictures = scene.pictures();
-        assert!(darker(&pictures) > 300, "{topology:?} casts a shadow");
-        let everything = darker(&pictures);
-        scene.app.world_mut().entity_mut(other).remove::<ToolShadow>();
-        let pictures = scene.pictures();
-        assert!(darker(&pictures) < everything, "one tool less casts less");
-        pictures
-    });
-    for (kind, [shaded, plain]) in pictures.iter().enumerate().skip(1) {
-        let differ = |a: &RgbaImage, b: &RgbaImage| a.pixels().zip(b.pixels()).filter(|(a, b)| a != b).count();
-        let count = differ(shaded, &pictures[0][0]) + differ(plain, &pictures[0][1]);
-        assert!(count < 10, "kind {kind} differs from the first in {count} pixels");
-    }
-}
-
-#[test]
-fn the_map_is_drawn_when_something_moved() {
-    let mut scene = scene();
-    let tool = scene.add_tool(Cuboid::new(0.01, 0.01, 0.02), Transform::from_xyz(0.0, 0.0, 0.04));
-    scene.app.capture();
-    assert_eq!(scene.redraws(), 1);
-    for _ in 0..5 {
-        scene.app.idle();
-    }
-    // Camera, softness and strength are nothing to the map; two cameras share it.
-    let target = RenderTarget::Image(scene.app.target().image.into());
-    let second =
-        (Camera3d::default(), Camera { order: 1, ..default() }, target, Msaa::Off, Transform::from_xyz(0.0, 0.0, 0.3));
-    scene.app.world_mut().spawn(second);
-    scene.app.world_mut().get_mut::<Transform>(scene.camera).expect("placed").translation.x += 0.02;
-    scene.app.world_mut().entity_mut(scene.lamp).insert(ToolShadows { strength: 0.3, softness_m: 0.001, ..shadows() });
-    scene.app.capture();
-    assert_eq!(scene.redraws(), 1, "nothing that the map shows has changed");
-    let mut expect = |what: &str, change: &mut dyn FnMut(&mut Scene)| {
-        let before = scene.redraws();
-        change(&mut scene);
-        scene.app.idle();
-        scene.app.idle();
-        assert_eq!(scene.redraws() - before, 1, "{what}");
-    };
-    expect("the tool moved", &mut |scene| {
-        scene.app.world_mut().get_mut::<Transform>(tool).expect("placed").translation.x += 0.01;
-    });
-    expect("the lamp moved", &mut |scene| {
-        scene.app.world_mut().get_mut::<Transform>(scene.lamp).expect("placed").translation.x += 0.01;
-    });
-    expect("the lens changed", &mut |scene| {
-        scene.app.world_mut().get_mut::<ToolShadows>(scene.lamp).expect("a lamp").half_angle_rad = 0.3;
-    });
-    expect("the mesh changed", &mut |scene| {
-        let mesh = scene.app.world().get::<Mesh3d>(tool).expect("a mesh").0.clone();
-        let mut meshes = scene.app.world_mut().resource_mut::<Assets<Mesh>>();
-        let mut mesh = meshes.get_mut(&mesh).expect("in the main world");
-        let Some(VertexAttributeValues::Float32x3(positions)) = mesh.attribute_mut(Mesh::ATTRIBUTE_POSITION) else {
-            panic!("no positions");
-        };
-        positions.iter_mut().for_each(|position| position[0] *= 2.0);
-    });
-    expect("the resolution changed", &mut |scene| {
-        scene.app.world_mut().get_mut::<ToolShadows>(scene.lamp).expect("a lamp").resolution_px = 128;
-    });
-}
-
-#[test]
-fn layers_and_limits_are_kept() {
-    let mut scene = scene();
-    let tool = scene.add_tool(Cuboid::new(0.01, 0.01, 0.02), Transform::from_xyz(0.0, 0.0, 0.04));
-    let one = darker(&scene.pictures());
-    assert!(one > 200);
-    scene.app.world_mut().entity_mut(scene.lamp).insert(RenderLayers::layer(3));
-    assert_eq!(darker(&scene.pictures()), 0, "the tool is not on the lamp's layer");
-    scene.app.world_mut().entity_mut(tool).insert(RenderLayers::from_layers(&[0, 3]));
-    assert_eq!(darker(&scene.pictures()), 0, "the camera is not on the lamp's layer");
-    scene.app.world_mut().entity_mut(scene.camera).insert(RenderLayers::from_layers(&[0, 3]));
-    assert_eq!(darker(&scene.pictures()), one);
-    scene.app.world_mut().entity_mut(scene.lamp).insert(Visibility::Hidden);
-    assert_eq!(darker(&scene.pictures()), 0, "a lamp that is off");
-    scene.app.world_mut().entity_mut(scene.lamp).insert((Visibility::Visible, RenderLayers::default()));
-    // A second lamp beside the first adds its shadow, a third one does not count.
-    let lamp = |x: f32| (shadows(), Transform::from_xyz(x, 0.03, 0.25).looking_at(Vec3::ZERO, Vec3::Y));
-    scene.app.world_mut().spawn(lamp(-0.06));
-    let with_two = scene.app.capture();
-    scene.app.world_mut().spawn(lamp(0.0));
-    assert!(scene.app.capture() == with_two);
-    let [_, plain] = scene.pictures();
-    assert!(darker(&[with_two, plain]) > 50, "pixels in the first lamp's shadow that the second one reaches");
 }
 
 #[test]

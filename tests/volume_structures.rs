@@ -2,9 +2,7 @@
 
 use crate::support::real_file;
 use bevy_surgery::volume::error::VolumeFault;
-use bevy_surgery::volume::structures::{
-    Palette, SolidRamp, Structure, Structures, ThresholdBand, Thresholds, Tissue,
-};
+use bevy_surgery::volume::structures::{Palette, SolidRamp, Structure, Structures, ThresholdBand, Thresholds, Tissue};
 use bevy_surgery::volume::transfer::colours;
 use bevy_surgery::volume::{Volume, VolumeGrid, Voxels};
 use glam::{DVec3, IVec3, UVec3};
@@ -148,7 +146,8 @@ fn colours_a_few_steps_off_go_to_the_nearest_and_far_ones_are_reported() {
 fn bone_in_hounsfield_units_is_parted_by_density() {
     let values = vec![-1000, 100, 150, 250, 349, 350, 699, 700, 3000];
     let structures = Structures::for_volume(&row(Voxels::I16(values))).expect("bone");
-    let (cortical, cancellous) = (structures.label_of("Cortical bone").unwrap(), structures.label_of("Cancellous bone").unwrap());
+    let (cortical, cancellous) =
+        (structures.label_of("Cortical bone").unwrap(), structures.label_of("Cancellous bone").unwrap());
     let none = 0;
     assert_eq!(
         structures.labels(),
@@ -255,7 +254,17 @@ fn label_volumes_that_do_not_fit_are_refused() {
 fn coloured_volumes_without_a_known_palette_are_made_sense_of() {
     let size = UVec3::new(40, 40, 1);
     let (red, teal) = ([200, 30, 40, 255], [20, 130, 140, 255]);
-    let two = (0..1600).map(|index| if index % 40 < 20 { red } else if index % 3 == 0 { teal } else { [0; 4] }).collect();
+    let two = (0..1600)
+        .map(|index| {
+            if index % 40 < 20 {
+                red
+            } else if index % 3 == 0 {
+                teal
+            } else {
+                [0; 4]
+            }
+        })
+        .collect();
     let structures = Structures::for_volume(&volume(size, Voxels::Rgba(two))).expect("two colours");
     let listed: Vec<&str> = structures.list().iter().map(|structure| structure.name.as_str()).collect();
     assert_eq!(listed, ["colour #c81e28", "colour #14828c"], "in descending order of voxels");
@@ -302,7 +311,10 @@ fn colours_reach_two_voxels_into_what_is_empty() {
         if step.abs().max_element() == 1 {
             let least = step.length_squared();
             let as_near = near.iter().filter(|&&near| (place(near) - place(index)).length_squared() == least);
-            assert!(as_near.into_iter().any(|near| allowed(&near)), "voxel {index} has not its nearest neighbour's colour");
+            assert!(
+                as_near.into_iter().any(|near| allowed(&near)),
+                "voxel {index} has not its nearest neighbour's colour"
+            );
         }
     }
     assert!(dilated > 500, "{dilated}");
@@ -316,7 +328,8 @@ fn grid_place(index: usize, size: UVec3) -> IVec3 {
 #[test]
 fn any_number_of_threads_gives_the_same_structures() {
     let size = UVec3::new(64, 64, 64);
-    let voxels: Vec<[u8; 4]> = (0..64u32.pow(3)).map(|i| (i.wrapping_mul(2_654_435_761) & 0xF0F0_F0FF).to_le_bytes()).collect();
+    let voxels: Vec<[u8; 4]> =
+        (0..64u32.pow(3)).map(|i| (i.wrapping_mul(2_654_435_761) & 0xF0F0_F0FF).to_le_bytes()).collect();
     let coloured = volume(size, Voxels::Rgba(voxels.clone()));
     let numbers = volume(size, Voxels::F32(voxels.iter().map(|v| f32::from(v[1]) * 0.01).collect()));
     let all = |threads| {

@@ -31,7 +31,8 @@ const GOLDEN: vec2<f32> = vec2(-0.7373688780783197, 0.6754902942615238);
 
 struct Varying {
     @builtin(position) position: vec4<f32>,
-    @location(0) ndc: vec2<f32>,
+    // The pixel's place at depth 0 in the lamp's clip space: the rest of the way is along one column.
+    @location(0) lamp_at_zero: vec4<f32>,
 }
 
 struct Shade {
@@ -45,7 +46,8 @@ struct Shade {
 @vertex
 fn vertex(@builtin(vertex_index) index: u32) -> Varying {
     let ndc = vec2(f32(index >> 1u), f32(index & 1u)) * 4.0 - 1.0;
-    return Varying(vec4(ndc, 0.0, 1.0), ndc);
+    let clip = vec4(ndc, 0.0, 1.0);
+    return Varying(clip, shadow.lamp_from_clip * clip);
 }
 
 // Jimenez 2014: neighbouring pixels get values far apart, so that the eye averages them.
@@ -78,7 +80,7 @@ fn fragment(in: Varying) -> Shade {
     let depth = textureLoad(scene, pixel, 0);
     let receives = depth != textureLoad(kept, pixel, 0);
 #endif
-    let lamp = shadow.lamp_from_clip * vec4(in.ndc, depth, 1.0);
+    let lamp = in.lamp_at_zero + shadow.lamp_from_clip[2] * depth;
     let place = lamp.xyz / lamp.w;
     let texel = (place.xy * vec2(0.5, -0.5) + 0.5) * shadow.resolution_px;
     let is_reached = receives && lamp.w > 0.0 && all(texel > shadow.reach_px.xy) && all(texel < shadow.reach_px.zw);
@@ -93,7 +95,7 @@ fn fragment(in: Varying) -> Shade {
         // A spiral that fills the disk evenly.
         let offset = direction * (radius_px * sqrt((f32(tap) + 0.5) / f32(TAPS)));
         // The outermost texels are always empty, so that beyond the map nothing is in shadow.
-        let looked_up = clamp(vec2<i32>(floor(texel + offset)), vec2(0), vec2(i32(shadow.resolution_px) - 1));
+        let looked_up = vec2<i32>(clamp(texel + offset, vec2(0.0), vec2(shadow.resolution_px - 1.0)));
         // Depth is reversed: what is nearer to the lamp is greater.
         blocked += select(0u, 1u, textureLoad(map, looked_up, 0) > place.z);
         direction = vec2(direction.x * GOLDEN.x - direction.y * GOLDEN.y, direction.x * GOLDEN.y + direction.y * GOLDEN.x);

@@ -27,7 +27,8 @@ fn vertex(@builtin(vertex_index) index: u32) -> @builtin(position) vec4<f32> {
 fn fragment(@builtin(position) at: vec4<f32>) -> Buffers {
     let ray = ray_through(at.xy);
     // Directions along an axis have no inverse: a step to the side that no picture shows.
-    let along = select(ray.along, vec3(1e-6), abs(ray.along) < vec3(1e-6));
+    let least = vec3(1e-7 * max(max(abs(ray.along.x), abs(ray.along.y)), abs(ray.along.z)));
+    let along = select(ray.along, least, abs(ray.along) < least);
     let inverse = 1.0 / along;
     let a = (volume.low - ray.origin) * inverse;
     let b = (volume.high - ray.origin) * inverse;

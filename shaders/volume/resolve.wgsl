@@ -1,6 +1,6 @@
 // Turns blended slices into what a ray leaves behind. Spaces: as in `march.wgsl`.
 
-#import bevy_surgery::volume::{NOTHING, covering_triangle, normal_of, ray_through, relative_depth, volume}
+#import bevy_surgery::volume::{NOTHING, covering_triangle, normal_of, ray_through, volume}
 
 @group(2) @binding(0) var colours: texture_2d<f32>;
 @group(2) @binding(1) var gradients: texture_2d<f32>;
@@ -21,7 +21,8 @@ fn fragment(@builtin(position) at: vec4<f32>) -> Buffers {
     let texel = vec2<i32>(at.xy);
     let opacity = textureLoad(colours, texel, 0).a;
     let gradient = textureLoad(gradients, texel, 0).xyz;
-    let mean_m = textureLoad(depths, texel, 0).r * volume.step_m / max(opacity, 1e-6);
-    let relief = vec4(normal_of(gradient, ray_through(at.xy)), relative_depth(mean_m));
+    let relative = textureLoad(depths, texel, 0).r / max(opacity, 1e-6);
+    let mean_m = volume.middle_m + relative * volume.spacing_m;
+    let relief = vec4(normal_of(gradient, ray_through(at.xy)), relative);
     return Buffers(select(relief, vec4(0.0, 0.0, 0.0, NOTHING), opacity < 1.0 / 512.0), vec2(mean_m, mean_m));
 }

@@ -1,7 +1,7 @@
 // Draws a volume as slices, back to front, blended over one another (paper of 2009, section 5). Spaces: world, voxel.
 // CPU twin: `volume/software/slices.rs`.
 
-#import bevy_surgery::volume::{ray_through, volume}
+#import bevy_surgery::volume::{ray_through, relative_depth, volume}
 #import bevy_surgery::volume_field::{gradient_at, sample_at, scene_depth_m}
 #import bevy_render::view::View
 
@@ -16,7 +16,8 @@ struct Varying {
 struct Blended {
     @location(0) colour: vec4<f32>,
     @location(1) gradient: vec4<f32>,
-    // Only the first component is kept; the last one is what blending goes by.
+    // Counted from the volume's middle, so that half precision does. Only the first component is kept; the last one is what
+    // blending goes by.
     @location(2) depth: vec4<f32>,
 }
 
@@ -35,10 +36,14 @@ fn fragment(in: Varying) -> Blended {
     let ray = ray_through(pixel);
     let voxel = ray.origin + ray.along * depth_m;
     let sample = sample_at(voxel);
-    let opacity = select(sample.opacity, 0.0, depth_m > scene_depth_m(pixel));
+    var is_hidden = depth_m > scene_depth_m(pixel);
+    for (var plane = 0u; plane < volume.clip_plane_count; plane++) {
+        is_hidden = is_hidden || dot(volume.clip_planes[plane], vec4(voxel, 1.0)) < 0.0;
+    }
+    let opacity = select(sample.opacity, 0.0, is_hidden);
     return Blended(
         vec4(opacity * sample.colour, opacity),
         vec4(opacity * gradient_at(voxel), opacity),
-        vec4(opacity * in.k, 0.0, 0.0, opacity),
+        vec4(opacity * relative_depth(depth_m), 0.0, 0.0, opacity),
     );
 }

@@ -6,7 +6,7 @@
 
 struct VolumeUniform {
     world_from_voxel: mat4x4<f32>,
-    // Inverse transpose of the above: gradients to normals.
+    // Inverse transpose of the above, times `spacing_m`: gradients to normals.
     world_from_voxel_normal: mat4x4<f32>,
     // A pixel's ray in voxel coordinates is `origin + along * depth`; both are linear in the pixel's place in clip space
     // (constant, times x, times y).

@@ -18,7 +18,7 @@ fn vertex(@builtin(vertex_index) index: u32) -> @builtin(position) vec4<f32> {
     return covering_triangle(index);
 }
 
-// Radiance times the view's exposure, premultiplied.
+// Radiance times the view's exposure, or the volume's own colour; premultiplied.
 @fragment
 fn fragment(@builtin(position) at: vec4<f32>) -> @location(0) vec4<f32> {
     let texel = vec2<i32>(at.xy);
@@ -36,8 +36,7 @@ fn fragment(@builtin(position) at: vec4<f32>) -> @location(0) vec4<f32> {
     loop {
         let light = volume.lights.lights[min(k, 9u)];
         let beam = incident(light, position_world_m);
-        let cosine = mix(1.0, max(dot(normal, beam.to_light), 0.0), volume.is_shaded);
-        diffuse += beam.illuminance_lux * (cosine + light.ambient_fraction);
+        diffuse += beam.illuminance_lux * (max(dot(normal, beam.to_light), 0.0) + light.ambient_fraction);
         let halfway = normalize(beam.to_light + eye);
         let lobe = pow(max(dot(film, halfway), 0.0), volume.shine_exponent) * (volume.shine_exponent + 2.0) * 0.125;
         let facing = 1.0 - max(dot(eye, halfway), 0.0);
@@ -48,6 +47,8 @@ fn fragment(@builtin(position) at: vec4<f32>) -> @location(0) vec4<f32> {
             break if k >= volume.lights.count;
         }
     }
-    let radiance = (colour.rgb * diffuse + colour.a * volume.shine * volume.is_shaded * shine) / PI;
-    return select(vec4(radiance * view.exposure, colour.a), vec4(0.0), own.w == NOTHING);
+    let radiance = (colour.rgb * diffuse + colour.a * volume.shine * shine) / PI;
+    // What no light falls on is shown as it is.
+    let shown = select(colour.rgb, radiance * view.exposure, volume.is_shaded > 0.5);
+    return select(vec4(shown, colour.a), vec4(0.0), own.w == NOTHING);
 }

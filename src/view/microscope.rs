@@ -115,7 +115,7 @@ impl Microscope {
         ambient_fraction: 0.15,
         ..default()
     },
-    ToolShadows = ToolShadows { softness_m: 5e-4, ..default() }
+    ToolShadows = ToolShadows { softness_m: 2e-4, ..default() }
 )]
 pub struct MicroscopeLamp {
     /// Place beside the view, in the plane of the objective: right and up of the picture, metres.

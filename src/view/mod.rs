@@ -8,6 +8,10 @@
 //! commands.spawn((Endoscope::default(), Transform::from_xyz(0.0, 0.1, 0.2).looking_at(Vec3::ZERO, Vec3::Y)));
 //! # }
 //! ```
+//!
+//! - An [`Endoscope`] carries its light; a [`Microscope`] has a [`MicroscopeLamp`] beside its view.
+//! - A [`StereoPair`] splits a camera for two eyes, a [`MonitorView`] shows it on a further screen.
+//! - Tools marked [`ToolShadow`] cast soft shadows from lamps with [`ToolShadows`].
 
 mod endoscope;
 mod mask;

@@ -265,7 +265,7 @@ fn drive_eyes(
             rig.is_active = false;
         }
         let target = target.normalize(primary_window.iter().next());
-        let info = target.and_then(|target| target.get_render_target_info(&windows, &images, &texture_views).ok());
+        let info = target.and_then(|target| target.get_render_target_info(windows, &images, &texture_views).ok());
         let size_px = info.map(|info| info.physical_size).filter(|size| size.x > 1 && size.y > 0);
         let half_px = size_px.map(|size| UVec2::new(size.x / 2, size.y));
         let reach_m = 0.5 * pair.distance_m();
@@ -284,7 +284,7 @@ fn drive_eyes(
             // One after the other: Bevy warns of cameras on one target whose order is open.
             camera.order = rig.order + order;
             camera.clear_color = rig.clear_color;
-            (camera.output_mode, camera.msaa_writeback) = (rig.output_mode.clone(), rig.msaa_writeback);
+            (camera.output_mode, camera.msaa_writeback) = (rig.output_mode, rig.msaa_writeback);
             *projection = match lens {
                 Projection::Perspective(lens) => {
                     let mut shifted = ShiftedPerspective {

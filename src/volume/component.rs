@@ -23,13 +23,23 @@ pub(super) fn build(app: &mut App) {
         .add_systems(PreUpdate, begin_cuts.in_set(PrepareCuts));
 }
 
+/// The volume that a [`CutVolume`] belongs to.
+#[derive(Component)]
+struct CutOf(AssetId<Volume>);
+
+type Body = (Entity, &'static CtVolume, Option<Ref<'static, CutVolume>>, Option<&'static CutOf>, Has<TransferFunction>);
+
 /// Gives volumes that have arrived an untouched cut, and again when the volume was exchanged.
-fn begin_cuts(
-    mut commands: Commands,
-    volumes: Res<Assets<Volume>>,
-    bodies: Query<(Entity, Ref<CtVolume>, Option<&CutVolume>, Has<TransferFunction>)>,
-) {
-    for (entity, body, cut, has_transfer) in &bodies {
+fn begin_cuts(mut commands: Commands, volumes: Res<Assets<Volume>>, bodies: Query<Body>) {
+    for (entity, body, mut cut, cut_of, has_transfer) in &bodies {
+        let id = body.0.id();
+        if cut_of.is_none_or(|cut_of| cut_of.0 != id) {
+            commands.entity(entity).insert(CutOf(id));
+            // A cut that came together with the volume is its own; an older one is not.
+            if cut_of.is_some() && cut.take_if(|cut| !cut.is_changed()).is_some() {
+                commands.entity(entity).remove::<CutVolume>();
+            }
+        }
         let Some(volume) = volumes.get(&body.0) else { continue };
         if cut.is_none_or(|cut| cut.size() != volume.grid().size) {
             commands.entity(entity).insert((CutVolume::new(volume.grid().size), RemovedTissue::default()));

@@ -29,6 +29,8 @@ pub use drilling::{DrillVolume, DrillVolumes, RemovedTissue, VoxelsRemoved};
 pub use grid::{VolumeGrid, VoxelBox};
 pub use look::{MAX_CLIP_PLANES, MAX_SMOOTHING_PASSES, SmoothedNormals, VolumeLook, VolumeMethod, WetShading};
 pub use picking::{PickedVolume, VolumeHitInWorld, VolumePicking};
+#[cfg(feature = "render")]
+pub use render::{VolumeRedraws, VolumeUniform};
 pub use watch::WatchCritical;
 
 use bevy::prelude::*;

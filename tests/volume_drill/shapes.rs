@@ -6,6 +6,7 @@ use bevy_surgery::volume::cut::{Burr, BurrPose, BurrStroke, CutVolume};
 use glam::{DAffine3, DMat3, DQuat, DVec3, EulerRot, UVec3, Vec3};
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg32;
+use std::f64::consts::PI;
 
 fn cubes(side: u32, spacing_mm: f64) -> VolumeGrid {
     VolumeGrid::upright(UVec3::splat(side), DVec3::splat(spacing_mm))
@@ -112,7 +113,7 @@ fn a_ball_leaves_a_ball() {
                 let stroke = resting(ball(diameter_mm), upright(at_mm), force_n);
                 let removal = phantom.drill(&mut cut, &stroke, seconds);
                 let (radius, deviation, differ) = roundness(&surface_mm(&cut, &grid), at_mm);
-                let expected = (removal.total_mm3 / std::f64::consts::PI * 0.75).cbrt();
+                let expected = (removal.total_mm3 / PI * 0.75).cbrt();
                 println!(
                     "{name}, {diameter_mm} mm: radius {radius:.3} of {expected:.3}, deviation {:.3} voxel, axes differ {:.3} voxel",
                     deviation / voxel_mm,
@@ -224,12 +225,13 @@ fn a_fast_stroke_leaves_no_beads() {
     let grid = VolumeGrid::upright(UVec3::new(160, 60, 60), DVec3::splat(0.2));
     let phantom = Phantom::solid(grid);
     // 24 mm in one step: 1.4 m/s.
-    for (burr, axis, area_mm2) in [
-        (ball(4.0), Vec3::Y, std::f64::consts::PI * 4.0),
-        (ball(2.0), Vec3::Y, std::f64::consts::PI),
-        (cylinder(3.0, 5.0), Vec3::Y, 15.0),
-        (cylinder(3.0, 5.0), Vec3::X, std::f64::consts::PI * 2.25),
-        (matchstick(3.0, 6.0), Vec3::Y, std::f64::consts::PI * 2.25 + 9.0),
+    for (burr, axis, area_mm2, share) in [
+        (ball(4.0), Vec3::Y, PI * 4.0, 0.002),
+        (ball(2.0), Vec3::Y, PI, 0.002),
+        (ball(1.0), Vec3::Y, PI * 0.25, 0.008),
+        (cylinder(3.0, 5.0), Vec3::Y, 15.0, 0.01),
+        (cylinder(3.0, 5.0), Vec3::X, PI * 2.25, 0.002),
+        (matchstick(3.0, 6.0), Vec3::Y, PI * 2.25 + 9.0, 0.01),
     ] {
         for steps in [1, 7, 200] {
             let mut cut = phantom.cut();
@@ -248,7 +250,7 @@ fn a_fast_stroke_leaves_no_beads() {
                 burr.diameter_m * 1e3
             );
             assert!(most - least < 0.01 * area_mm2, "{burr:?}, {steps} steps: beads, {least} to {most} mm2");
-            assert!((least / area_mm2 - 1.0).abs() < 0.015, "{burr:?}, {steps} steps: {least} of {area_mm2} mm2");
+            assert!((least / area_mm2 - 1.0).abs() < share, "{burr:?}, {steps} steps: {least} of {area_mm2} mm2");
         }
     }
 }

@@ -126,7 +126,7 @@ impl ShadowLens {
 /// neighbours differ and the eye averages them.
 pub fn shadow_noise(pixel: UVec2) -> f32 {
     let inner = pixel.as_vec2().dot(Vec2::new(0.067_110_56, 0.005_837_15)).fract();
-    (52.982_918_9 * inner).fract()
+    (52.982_918 * inner).fract()
 }
 
 #[cfg(test)]

@@ -161,7 +161,7 @@ pub(super) fn prepare_maps(
     let casting: Vec<_> = casting.collect();
     if casting.len() > MAX_SHADOW_LAMPS && !maps.has_warned {
         maps.has_warned = true;
-        tracing::warn!("{} lamps have tool shadows; only the {MAX_SHADOW_LAMPS} oldest cast them", casting.len());
+        tracing::warn!("{} lamps have tool shadows; only the first {MAX_SHADOW_LAMPS} cast them", casting.len());
     }
     let chosen = &casting[..casting.len().min(MAX_SHADOW_LAMPS)];
     maps.lamps.retain(|entity, _| chosen.iter().any(|(lamp, _)| lamp.entity == *entity));

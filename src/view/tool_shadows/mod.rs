@@ -23,7 +23,8 @@
 //!   hidden ones do not. [`RenderLayers`](bevy::camera::visibility::RenderLayers) of lamp and tool must meet, and those
 //!   of lamp and camera.
 //! - **Cost**: the map is drawn once per lamp, and only after lamp or tools moved. Without a lamp or without tools nothing
-//!   is drawn or copied. Up to [`MAX_SHADOW_LAMPS`] lamps; of more the oldest count.
+//!   is drawn or copied. Up to [`MAX_SHADOW_LAMPS`] lamps; of more those whose
+//!   entities come first.
 
 mod apply;
 mod extract;

@@ -87,7 +87,12 @@ pub(super) fn init_pipeline(mut commands: Commands, assets: Res<AssetServer>) {
         "tool_shadows_layout",
         &BindGroupLayoutEntries::sequential(
             ShaderStages::FRAGMENT,
-            (uniform_buffer::<ToolShadowUniform>(true), texture_depth_2d(), texture_depth_2d(), texture_depth_2d()),
+            (
+                uniform_buffer::<ToolShadowUniform>(true).visibility(ShaderStages::VERTEX_FRAGMENT),
+                texture_depth_2d(),
+                texture_depth_2d(),
+                texture_depth_2d(),
+            ),
         ),
     );
     let layout_multisampled = BindGroupLayoutDescriptor::new(
@@ -95,7 +100,7 @@ pub(super) fn init_pipeline(mut commands: Commands, assets: Res<AssetServer>) {
         &BindGroupLayoutEntries::sequential(
             ShaderStages::FRAGMENT,
             (
-                uniform_buffer::<ToolShadowUniform>(true),
+                uniform_buffer::<ToolShadowUniform>(true).visibility(ShaderStages::VERTEX_FRAGMENT),
                 texture_depth_2d(),
                 texture_depth_2d_multisampled(),
                 texture_depth_2d_multisampled(),

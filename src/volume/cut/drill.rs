@@ -1,24 +1,5 @@
-//! Removing what a burr passes.
-//!
-//! # Model
-//!
-//! **Rate.** Preston's equation, with which grinding is reckoned: per second a burr can remove
-//! `k * force * surface speed` mm³ of cortical bone, `surface speed = pi * diameter * turns per second`
-//! ([`Burr::cortical_mm3_per_s`](super::Burr::cortical_mm3_per_s)). Other tissue takes as many times longer as it is harder: a
-//! voxel costs `hardness * solid * voxel volume` of the step's budget.
-//!
-//! **Place.** The body that the burr covers on its way, with a ramp of one voxel's width at its surface whose sum is the
-//! body's volume (`sweep.rs`). A voxel keeps at most `1 - coverage`, so the same pose removes nothing twice, however many steps
-//! it is held. What is empty costs nothing and is lowered as well: else interpolation would leave a veil on cut surfaces.
-//!
-//! **Both.** Where the budget does not suffice for the body, the body is shrunk by moving its surface inwards, evenly, until
-//! what it removes costs the budget. The cost falls piecewise linearly with the distance by which the surface moves, and
-//! Newton's method within an interval finds it to a ten-thousandth. So the middle of the burr goes first and surfaces stay
-//! crisp and round. Nothing is carried into the next step: budget that finds nothing to remove is lost, as it is for a burr
-//! that turns in the air.
-//!
-//! All lengths are millimetres, in the frame of `frame.rs`: neither the voxels' size and shape nor the length of a step has a
-//! say in how much is removed.
+//! Removing what a burr passes: the model is in the room's documentation (`mod.rs`). `sweep.rs` says what a body covers,
+//! `gather.rs` what that costs, and here it is taken.
 
 use super::super::data::Volume;
 use super::super::grid::VoxelBox;

@@ -1,9 +1,30 @@
 //! What was cut out of a volume, and the burrs that cut it.
 //!
-//! A [`CutVolume`] says of each voxel how much of its opacity remains; the volume itself never changes. Drilling removes mm³
-//! per second, whatever the size of the voxels and the length of the step ([`CutVolume::drill`]). Strokes can be undone, the
-//! whole can be saved, and whoever keeps a copy (a texture, a hierarchy of blocks, a distance field) asks for the boxes that
-//! changed since it last looked.
+//! A [`CutVolume`] says of each voxel how much of its opacity remains; the volume itself never changes. Drilling
+//! removes mm³ per second, whatever the size of the voxels and the length of the step ([`CutVolume::drill`]). Strokes
+//! can be undone, the whole can be saved, and whoever keeps a copy (a texture, a hierarchy of blocks, a distance field)
+//! asks for the boxes that changed since it last looked.
+//!
+//! # What a burr removes
+//!
+//! **Rate.** Preston's equation, with which grinding is reckoned: per second a burr can remove `k * force * surface
+//! speed` mm³ of cortical bone, `surface speed = pi * diameter * turns per second` ([`Burr::cortical_mm3_per_s`]).
+//! Other tissue takes as many times longer as it is harder: a voxel costs `hardness * solid * voxel volume` of the
+//! step's budget.
+//!
+//! **Place.** The body that the burr covers on its way, with a ramp of one voxel's width at its surface whose sum is
+//! the body's volume, also for burrs of two or three voxels (`sweep.rs`). A voxel keeps at most `1 - coverage`, so the
+//! same pose removes nothing twice, however many steps it is held. What is empty costs nothing and is lowered as well:
+//! else interpolation would leave a veil on cut surfaces.
+//!
+//! **Both.** Where the budget does not suffice for the body, the body is shrunk by moving its surface inwards, evenly,
+//! until what it removes costs the budget. The cost falls piecewise linearly with the distance by which the surface
+//! moves, and Newton's method within an interval finds it to a ten-thousandth. So the middle of the burr goes first and
+//! surfaces stay crisp and round. Nothing is carried into the next step: budget that finds nothing to remove is lost,
+//! as it is for a burr that turns in the air.
+//!
+//! All lengths are millimetres, in a frame along the grid's axes (`frame.rs`): neither the voxels' size and shape nor
+//! the length of a step has a say in how much is removed.
 
 mod bricks;
 mod burr;
@@ -111,7 +132,7 @@ impl CutVolume {
         self.changes.since(revision)
     }
 
-    /// Removes what a burr takes during a step of `dt_s` seconds (see the module's source for the model). Nothing is removed
+    /// Removes what a burr takes during a step of `dt_s` seconds, as the [module](self) describes. Nothing is removed
     /// if a number is not finite, the burr's sizes or its axis are none, force or time are not positive, or the cut, the volume
     /// and the structures differ in size. Voxels of label 0 are as hard as cortical bone.
     pub fn drill(&mut self, volume: &Volume, structures: &Structures, stroke: &BurrStroke, dt_s: f64) -> Removal {

@@ -51,7 +51,7 @@ pub(super) fn pattern_names(field: &str, value: &str) -> Result<Vec<String>, Vol
     if step == 0 || (step > 0) != (last >= first) && last != first {
         return bad("never comes to its last number".into());
     }
-    let count = last.abs_diff(first) / step.unsigned_abs() + 1;
+    let count = (last.abs_diff(first) / step.unsigned_abs()).saturating_add(1);
     if count > MAX_FILES {
         return bad(format!("stands for {count} files; at most {MAX_FILES} are read"));
     }

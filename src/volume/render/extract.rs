@@ -85,6 +85,10 @@ pub(super) fn extract_volumes(
         let entity = MainEntity::from(entity);
         let Some(volume) = volumes.get(&source.0) else { continue };
         let grid = volume.grid();
+        // A volume that took another's place is shown from the next frame on.
+        if !shown.is_of(source.0.id(), grid.size) || cut.size() != grid.size {
+            continue;
+        }
         let world_from_volume = transform.affine();
         let world_from_voxel = Mat4::from(world_from_volume * grid.volume_from_voxel());
         // A transform that is flat or not finite shows nothing.
@@ -208,14 +212,13 @@ fn sane(look: &VolumeLook) -> VolumeLook {
 pub(super) fn bound_volumes(
     mut commands: Commands,
     volumes: Res<Assets<Volume>>,
-    shown: Query<(Entity, &CtVolume), Changed<CutVolume>>,
-    bounded: Query<&Aabb>,
+    shown: Query<(Entity, &CtVolume, Option<&Aabb>)>,
 ) {
-    for (entity, source) in &shown {
+    for (entity, source, bounded) in &shown {
         let Some(volume) = volumes.get(&source.0) else { continue };
         let half: Vec3 = volume.grid().half_axes_m().iter().map(|axis| axis.abs()).sum();
         let bounds = Aabb { center: Vec3::ZERO.into(), half_extents: half.into() };
-        if bounded.get(entity) != Ok(&bounds) {
+        if bounded != Some(&bounds) {
             commands.entity(entity).insert(bounds);
         }
     }

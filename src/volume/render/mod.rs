@@ -7,6 +7,7 @@ mod extract;
 mod gpu;
 mod pass;
 mod pipelines;
+mod redraws;
 mod scene;
 mod shown;
 mod slices;
@@ -14,9 +15,13 @@ mod texels;
 mod uniform;
 mod views;
 
+pub use redraws::VolumeRedraws;
+pub use uniform::VolumeUniform;
+
 use crate::organ::render::PrepareOrgans;
 use crate::render::VolumePasses;
 use crate::volume::CtVolume;
+use bevy::asset::AssetEventSystems;
 use bevy::camera::visibility::{VisibilityClass, VisibilitySystems, add_visibility_class};
 use bevy::core_pipeline::schedule::Core3d;
 use bevy::prelude::*;
@@ -33,15 +38,19 @@ pub(super) fn build(app: &mut App) {
     app.world_mut().register_component_hooks::<CtVolume>().on_add(add_visibility_class::<CtVolume>);
     app.add_systems(
         PostUpdate,
-        (shown::follow_changes, extract::bound_volumes.before(VisibilitySystems::CheckVisibility)),
+        (
+            shown::follow_changes.after(AssetEventSystems),
+            extract::bound_volumes.before(VisibilitySystems::CheckVisibility),
+        ),
     );
     let Some(render_app) = app.get_sub_app_mut(RenderApp) else { return };
     render_app
         .init_resource::<extract::ExtractedVolumes>()
+        .init_resource::<VolumeRedraws>()
         .init_gpu_resource::<gpu::VolumeTextures>()
         .init_gpu_resource::<views::VolumeViews>()
         .add_systems(RenderStartup, pipelines::init.after(PrepareOrgans))
-        .add_systems(ExtractSchedule, extract::extract_volumes)
+        .add_systems(ExtractSchedule, (extract::extract_volumes, redraws::start_frame))
         .add_systems(
             Render,
             (gpu::write_textures, views::prepare_views).chain().in_set(RenderSystems::PrepareResources),

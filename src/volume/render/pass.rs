@@ -2,8 +2,8 @@
 
 use super::gpu::{GpuVolume, VolumeTextures};
 use super::pipelines::{PipelineKey, VolumePipelines};
-use super::views::grown;
-use super::views::{VolumeView, VolumeViews};
+use super::redraws::VolumeRedraws;
+use super::views::{VolumeView, VolumeViews, grown};
 use crate::organ::render::{OrganBindGroups, OrganPipelineKey, OrganSides};
 use bevy::core_pipeline::tonemapping::Tonemapping;
 use bevy::prelude::*;
@@ -34,6 +34,7 @@ struct Drawing<'a> {
     view_offset: u32,
     plane_group: &'a BindGroup,
     volume: &'a VolumeView,
+    redraws: &'a VolumeRedraws,
 }
 
 impl Drawing<'_> {
@@ -89,6 +90,11 @@ impl Drawing<'_> {
         });
         let span = diagnostics.pass_span(&mut pass, label);
         if !pixels.is_empty() {
+            match key {
+                PipelineKey::March { .. } | PipelineKey::Slices { .. } => self.redraws.add_walked(pixels),
+                PipelineKey::Wet => self.redraws.add_shaded(pixels),
+                _ => {}
+            }
             pass.set_scissor_rect(pixels.min.x, pixels.min.y, pixels.width(), pixels.height());
             pass.set_render_pipeline(pipeline);
             pass.set_bind_group(0, self.view_group, &[self.view_offset]);
@@ -252,6 +258,7 @@ pub(super) fn draw_volumes(
     textures: Res<VolumeTextures>,
     kept: Res<VolumeViews>,
     groups: Res<OrganBindGroups>,
+    redraws: Res<VolumeRedraws>,
     mut ctx: RenderContext,
 ) {
     let entity = view.entity();
@@ -271,6 +278,7 @@ pub(super) fn draw_volumes(
             view_offset: offset.offset,
             plane_group: &plane_group,
             volume,
+            redraws: &redraws,
         };
         if volume.is_all || !volume.walk.is_empty() {
             drawing.walk(&mut ctx, gpu, &uniform, depth);

@@ -9,6 +9,8 @@ use bevy::prelude::*;
 #[derive(Component)]
 pub(super) struct ShownVolume {
     source: AssetId<Volume>,
+    /// Whether the asset was replaced since.
+    is_stale: bool,
     ranges: BlockRanges,
     pub distances: BlockDistances,
     pub table: TransferTable,
@@ -51,6 +53,7 @@ impl ShownVolume {
         let bounds = visible_bounds(&distances, volume);
         Self {
             source: id,
+            is_stale: false,
             ranges,
             distances,
             table,
@@ -60,6 +63,11 @@ impl ShownVolume {
             changes: ShownChanges::default(),
             bounds,
         }
+    }
+
+    /// Whether this is the state of an asset with so many voxels.
+    pub fn is_of(&self, id: AssetId<Volume>, size: UVec3) -> bool {
+        self.source == id && !self.is_stale && self.ranges.size() == size
     }
 }
 
@@ -97,15 +105,23 @@ pub(super) fn follow_changes(
     mut showing: Query<Showing>,
     mut born: Local<u64>,
 ) {
-    let modified: Vec<AssetId<Volume>> = changed
+    let replaced: Vec<AssetId<Volume>> = changed
         .read()
-        .filter_map(|event| if let AssetEvent::Modified { id } = event { Some(*id) } else { None })
+        .filter_map(|event| match event {
+            AssetEvent::Modified { id } | AssetEvent::Removed { id } => Some(*id),
+            _ => None,
+        })
         .collect();
-    for (entity, source, cut, transfer, look, shown) in &mut showing {
+    for (entity, source, cut, transfer, look, mut shown) in &mut showing {
+        if let Some(shown) = &mut shown
+            && replaced.contains(&shown.source)
+        {
+            shown.is_stale = true;
+        }
         let Some(volume) = volumes.get(&source.0).filter(|volume| volume.grid().size == cut.size()) else { continue };
         let id = source.0.id();
         let step_m = f64::from(look.sane_step_voxels()) * volume.grid().spacing_mm().min_element() * 1e-3;
-        let Some(mut shown) = shown.filter(|shown| shown.source == id && !modified.contains(&id)) else {
+        let Some(mut shown) = shown.filter(|shown| shown.is_of(id, volume.grid().size)) else {
             // No two of them ever have the same revision.
             *born += 1;
             let revision = *born << 32;

@@ -4,6 +4,7 @@
 //! per voxel and again near the burr, and not per pixel: to interpolate them is the same as to take differences of the
 //! interpolated field, and a sample costs one look-up more instead of six.
 
+use crate::volume::software::encoded;
 use crate::volume::{CutVolume, Volume, VoxelBox, Voxels};
 use bevy::render::render_resource::TextureFormat;
 use glam::{UVec3, Vec3};
@@ -48,7 +49,7 @@ pub fn field_texels(volume: &Volume, cut: &CutVolume, of: VoxelBox) -> Vec<u8> {
     texels
 }
 
-/// Texels of a box: gradients as [`encode`] writes them, `Rgba8Snorm`, x fastest.
+/// Texels of a box: gradients as [`encoded`] writes them, `Rgba8Snorm`, x fastest.
 pub fn gradient_texels(volume: &Volume, cut: &CutVolume, of: VoxelBox) -> Vec<u8> {
     let size = of.size();
     let (row, slice) = (size.x as usize, size.x as usize * size.y as usize);
@@ -76,20 +77,12 @@ pub fn gradient_texels(volume: &Volume, cut: &CutVolume, of: VoxelBox) -> Vec<u8
                     let voxel = own.min + UVec3::new(x as u32, y, z);
                     let slope = |axis: UVec3| at(voxel + axis) - at(voxel.saturating_sub(axis));
                     let difference = Vec3::new(slope(UVec3::X), slope(UVec3::Y), slope(UVec3::Z)) * 0.5;
-                    let [r, g, b] = encode(difference);
-                    texel.copy_from_slice(&[r as u8, g as u8, b as u8, 0]);
+                    texel.copy_from_slice(&encoded(difference).map(|part| part as u8));
                 }
             }
         }
     });
     texels
-}
-
-/// A difference per voxel as it is stored: divided by the square root of its length, so that gentle slopes keep their direction
-/// in eight bits.
-pub fn encode(difference: Vec3) -> [i8; 3] {
-    let encoded = difference / difference.length().max(1e-6).sqrt();
-    encoded.to_array().map(|component| (component * 127.0).round().clamp(-127.0, 127.0) as i8)
 }
 
 fn plane_of(of: VoxelBox, z: u32) -> VoxelBox {

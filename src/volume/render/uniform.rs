@@ -5,29 +5,50 @@ use bevy::math::{DMat4, DVec3, DVec4};
 use bevy::prelude::*;
 use bevy::render::render_resource::ShaderType;
 
-/// See `shaders/volume/volume.wgsl`.
+/// A volume in a view, with its lights. Twin in `shaders/volume/volume.wgsl`.
 #[derive(Clone, Copy, Debug, Default, ShaderType)]
-pub(super) struct VolumeUniform {
+pub struct VolumeUniform {
+    /// Voxel coordinates to the world, metres.
     pub world_from_voxel: Mat4,
+    /// Inverse transpose of it, times [`Self::spacing_m`].
     pub world_from_voxel_normal: Mat4,
+    /// Voxel coordinates of a pixel's ray at depth 0: constant, per unit of clip space along x, along y.
     pub origin: [Vec4; 3],
+    /// Voxels per metre of depth along a pixel's ray, in the same three parts.
     pub along: [Vec4; 3],
+    /// Half spaces of voxel coordinates, `normal . v + offset >= 0` inside.
     pub clip_planes: [Vec4; 6],
+    /// Least voxel coordinates of what can be seen.
     pub low: Vec3,
+    /// Distance of the sample planes along the view, metres.
     pub step_m: f32,
+    /// Greatest voxel coordinates of what can be seen.
     pub high: Vec3,
+    /// View depth before which nothing is drawn, metres.
     pub near_m: f32,
+    /// Voxels along each axis.
     pub size: Vec3,
+    /// How many of `clip_planes` are in use.
     pub clip_plane_count: u32,
+    /// Corner and size of the viewport in its target, pixels.
     pub viewport: Vec4,
+    /// Clip-space z is `(x * -depth + y) / (z * -depth + w)`.
     pub depth_projection: Vec4,
+    /// View depth of the volume's middle, metres.
     pub middle_m: f32,
+    /// Shortest edge of a voxel in the world, metres.
     pub spacing_m: f32,
+    /// Difference in depth from which on normals are not smoothed together, voxels.
     pub edge_voxels: f32,
+    /// Strength of the reflections.
     pub shine: f32,
+    /// Their Blinn-Phong exponent.
     pub shine_exponent: f32,
+    /// Share of the smoothed normals in those of diffuse light.
     pub diffuse_smoothing: f32,
+    /// 1 where light falls on the volume, 0 where it shows its own colours.
     pub is_shaded: f32,
+    /// The lights that reach it.
     pub lights: OrganLights,
 }
 

@@ -168,10 +168,17 @@ pub(super) fn prepare_views(
     queue: Res<RenderQueue>,
 ) {
     let mut before = std::mem::take(&mut kept.views);
+    // What waits for its pipeline enters the scene in the frame in which this is ready, whenever that is.
+    let is_waiting = cache.waiting_pipelines().next().is_some();
+    let changes = SceneChanges { everywhere: changes.everywhere || is_waiting, ..(*changes).clone() };
     kept.uniforms.clear();
     for (entity, view, camera, visible, msaa, tonemapping, mask, resolution) in &views {
         let Some(viewport) = viewport_of(camera, resolution) else { continue };
         let visible = visible.get::<CtVolume>().map_or(&[][..], |visible| &visible.entities_cpu_culling);
+        let seen = Seen::new(view, viewport);
+        let mut drawn = Vec::new();
+        // Pixels in which a volume may change the depth that the rays of others end at.
+        let mut touched: Vec<(MainEntity, URect)> = Vec::new();
         for &(_, volume) in visible {
             let Some(volume) = extracted.get(volume) else { continue };
             let lights = scene
@@ -179,7 +186,6 @@ pub(super) fn prepare_views(
                 .map(|scene| strongest_lights(scene, volume.centre_world_m, &volume.layers))
                 .unwrap_or_default();
             let samples = msaa.samples();
-            let seen = Seen::new(view, viewport);
             let uniform = uniform_of(volume, view, viewport, lights);
             let walk_key = WalkKey {
                 clip_from_view: view.clip_from_view,
@@ -198,14 +204,24 @@ pub(super) fn prepare_views(
             let mut now = was
                 .filter(|was| was.buffers.size == viewport.size() && was.method == volume.look.method)
                 .unwrap_or_else(|| VolumeView::new(Buffers::new(&device, viewport.size(), volume.look.method)));
-            now.decide(volume, &changes, &seen, walk_key, shade_key);
+            touched.push((volume.entity, now.decide_walk(volume, &changes, &seen, walk_key)));
             let target = OrganPipelineKey::of_view(view, camera, msaa, tonemapping, OrganSides::default());
-            // What could not be drawn yet is drawn in a later frame.
-            if !pipelines.are_ready(&cache, volume.look.method, samples > 1, volume.own_colours, target) {
-                (now.walk_key, now.shade_key) = (None, None);
-            }
+            let is_ready = pipelines.are_ready(&cache, volume.look.method, samples > 1, volume.own_colours, target);
             now.offset = kept.uniforms.push(&uniform);
             now.depth_m = -view.world_from_view.affine().inverse().transform_point3(volume.centre_world_m).z;
+            drawn.push((volume, now, shade_key, is_ready, uniform));
+        }
+        // Those that left uncover what is behind them.
+        touched.extend(before.remove(&entity).unwrap_or_default().into_iter().map(|(volume, was)| (volume, was.seen)));
+        for (volume, mut now, shade_key, is_ready, uniform) in drawn {
+            for (_, pixels) in touched.iter().filter(|(other, _)| *other != volume.entity) {
+                now.walk = united(now.walk, pixels.intersect(now.seen));
+            }
+            now.decide_shade(volume, &seen, shade_key);
+            // What could not be drawn yet is drawn in a later frame.
+            if !is_ready {
+                (now.walk_key, now.shade_key) = (None, None);
+            }
             if volume.look.method == VolumeMethod::Slices && !now.walk.is_empty() {
                 now.slices = super::slices::buffer(&device, volume, view, &uniform);
             }
@@ -306,23 +322,18 @@ impl VolumeView {
         }
     }
 
-    /// Decides what is drawn anew (paper of 2009, section 4.2: only what changed).
-    fn decide(
+    /// Decides which rays are walked anew (paper of 2009, section 4.2: only what changed). Returns the pixels in which this may
+    /// change the depth of the volume.
+    fn decide_walk(
         &mut self,
         volume: &ExtractedVolume,
         changes: &SceneChanges,
         view: &Seen,
         walk_key: WalkKey,
-        shade_key: ShadeKey,
-    ) {
-        let wet = &volume.look.wet;
+    ) -> URect {
         let (low, high) = volume.bounds;
-        self.seen = view.of_box(volume.world_from_voxel, low, high);
+        let was_seen = std::mem::replace(&mut self.seen, view.of_box(volume.world_from_voxel, low, high));
         self.is_all = volume.is_all_new || self.walk_key.as_ref() != Some(&walk_key);
-        let shades_all = self.is_all || self.shade_key.as_ref() != Some(&shade_key);
-        let passes = if wet.smoothed == SmoothedNormals::None { 0 } else { wet.passes };
-        let smooths_all =
-            self.is_all || self.passes != passes || self.shade_key.as_ref().map(|key| key.look.wet) != Some(*wet);
         let mut walk = URect::EMPTY;
         if self.is_all {
             walk = self.seen;
@@ -343,11 +354,19 @@ impl VolumeView {
             walk = walk.intersect(view.all());
         }
         self.walk = walk;
-        let smooth = if smooths_all { view.all() } else { grown(walk, passes, view.all()) };
-        self.shade = if shades_all || smooths_all { view.all() } else { smooth };
         (self.method, self.own_colours) = (volume.look.method, volume.own_colours);
-        (self.multisampled, self.viewport, self.passes) = (walk_key.samples > 1, walk_key.viewport, passes);
-        (self.walk_key, self.shade_key) = (Some(walk_key), Some(shade_key));
+        (self.multisampled, self.viewport) = (walk_key.samples > 1, walk_key.viewport);
+        self.walk_key = Some(walk_key);
+        if self.is_all { united(was_seen, walk) } else { walk }
+    }
+
+    /// Decides which pixels are smoothed and shaded anew, once it is known which are walked.
+    fn decide_shade(&mut self, volume: &ExtractedVolume, view: &Seen, shade_key: ShadeKey) {
+        let wet = &volume.look.wet;
+        let passes = if wet.smoothed == SmoothedNormals::None { 0 } else { wet.passes };
+        let shades_all = self.is_all || self.shade_key.as_ref() != Some(&shade_key);
+        self.shade = if shades_all { view.all() } else { grown(self.walk, passes, view.all()) };
+        (self.passes, self.shade_key) = (passes, Some(shade_key));
     }
 
     /// Pixels that pass `k` of smoothing covers, so that the last one is right where it is shaded.
@@ -356,6 +375,10 @@ impl VolumeView {
         grown(self.shade, self.passes - 1 - k, all).intersect(grown(self.seen, self.passes, all))
     }
 }
+
+/// Greatest number of a sample plane. Single precision does not tell all whole numbers beyond apart, and a ray that counts them
+/// would not get on.
+const MAX_PLANE: f32 = 4_194_304.0;
 
 fn uniform_of(volume: &ExtractedVolume, view: &ExtractedView, viewport: URect, lights: OrganLights) -> VolumeUniform {
     let world_from_view = view.world_from_view.to_matrix().as_dmat4();
@@ -367,17 +390,20 @@ fn uniform_of(volume: &ExtractedVolume, view: &ExtractedView, viewport: URect, l
     let spacing_m = edges.iter().map(|edge| edge.truncate().length()).fold(f32::INFINITY, f32::min);
     let middle = world_from_voxel.transform_point3((volume.size.as_vec3() - 1.0) * 0.5);
     let middle_m = -(world_from_view.inverse().transform_point3(middle.as_dvec3())).z as f32;
+    let half_m = edges.iter().zip(volume.size.to_array()).map(|(edge, count)| edge.truncate().length() * count as f32);
+    let farthest_m = middle_m.abs() + half_m.sum::<f32>();
     let mut clip_planes = [Vec4::ZERO; 6];
     clip_planes[..volume.clip_planes.len()].copy_from_slice(&volume.clip_planes);
     let wet = &volume.look.wet;
     VolumeUniform {
         world_from_voxel,
-        world_from_voxel_normal: world_from_voxel.inverse().transpose(),
+        // Times a length, so that its numbers are near 1 at any scale.
+        world_from_voxel_normal: (world_from_voxel.as_dmat4().inverse().transpose() * f64::from(spacing_m)).as_mat4(),
         origin: rays.origin,
         along: rays.along,
         clip_planes,
         low: volume.bounds.0,
-        step_m: volume.look.step_voxels * spacing_m,
+        step_m: (volume.look.step_voxels * spacing_m).max(farthest_m / MAX_PLANE),
         high: volume.bounds.1,
         near_m: near_m(projection),
         size: volume.size.as_vec3(),

@@ -198,7 +198,7 @@ impl Corners {
 
 /// A difference per voxel as eight bits hold it: divided by the square root of its length, so that gentle slopes keep their
 /// direction.
-fn encoded(difference: Vec3) -> [i8; 4] {
+pub(crate) fn encoded(difference: Vec3) -> [i8; 4] {
     let encoded = difference / difference.length().max(1e-6).sqrt() * 127.0;
     // Rounded by cutting off, which is quicker than `round`.
     let [x, y, z] = encoded.to_array().map(|part| (part + 0.5_f32.copysign(part)).clamp(-127.0, 127.0) as i8);

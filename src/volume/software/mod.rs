@@ -17,6 +17,8 @@ mod slices;
 mod smooth;
 
 pub use field::RenderField;
+#[cfg(feature = "render")]
+pub(crate) use field::encoded;
 pub use march::{MarchCounts, MarchScene, VolumeImage, march};
 pub use rays::{ViewRays, VoxelRay, plane_in_voxels};
 pub use shade::{IncidentLight, shade};

@@ -21,7 +21,8 @@ pub struct IncidentLight {
 /// Lights a picture. Returns radiance (linear, premultiplied, candela per square metre) and opacity for each pixel.
 ///
 /// Diffuse light falls on the picture's colours; a film of water reflects by Blinn's lobe and Schlick's approximation of Fresnel's
-/// law. Which of them go by smoothed normals is up to the [`WetShading`]. `ambient` is the radiance that a white surface has without
+/// law. Which of them go by smoothed normals is up to the [`WetShading`]; where no light falls on the volume, its own colours are
+/// returned. `ambient` is the radiance that a white surface has without
 /// lights; `lights` adds the lights that reach a place of the world (metres) to a list.
 pub fn shade(
     image: &VolumeImage,
@@ -48,6 +49,9 @@ pub fn shade(
                 *texel = [0.0; 4];
                 continue;
             };
+            if !wet.is_shaded {
+                continue;
+            }
             let ray = rays.ray(UVec2::new(x as u32, y as u32));
             let at = rays.world_from_voxel().transform_point3(ray.at(image.depth_m[place]));
             let to_viewer = rays.to_viewer(ray);
@@ -55,13 +59,11 @@ pub fn shade(
             lights(at, &mut arriving);
             let (mut diffuse, mut shine) = (ambient * PI, Vec3::ZERO);
             for light in &arriving {
-                let cosine = if wet.is_shaded { normal.dot(light.to_light).max(0.0) } else { 1.0 };
-                diffuse += light.illuminance_lux * (cosine + light.ambient_fraction);
+                diffuse += light.illuminance_lux * (normal.dot(light.to_light).max(0.0) + light.ambient_fraction);
                 shine += light.illuminance_lux * reflected(film, light.to_light, to_viewer, wet.shine_exponent);
             }
-            let strength = if wet.is_shaded { wet.shine } else { 0.0 };
             let colour = Vec4::from_array(*texel);
-            let radiance = (colour.truncate() * diffuse + shine * (strength * colour.w)) / PI;
+            let radiance = (colour.truncate() * diffuse + shine * (wet.shine * colour.w)) / PI;
             *texel = radiance.extend(colour.w).to_array();
         }
     });
