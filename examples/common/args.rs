@@ -1,5 +1,6 @@
 //! The arguments of all examples.
 
+use super::volumes::{Spacing, parse_spacing};
 use bevy::prelude::*;
 use bevy_surgery::skin::OrganPreset;
 use std::path::PathBuf;
@@ -64,7 +65,30 @@ pub struct Args {
     /// An organ of your own: OBJ, STL, PLY, glTF or GLB; closed and without handles.
     #[arg(long, value_name = "PATH")]
     pub mesh: Option<PathBuf>,
-    /// What the example liver does by itself.
+    /// A volume of your own for the example mastoid: NRRD, NIfTI, MetaImage or DICOM, or a folder of DICOM, PNG or JPEG
+    /// slices.
+    #[arg(long, value_name = "PATH")]
+    pub volume: Option<PathBuf>,
+    /// Distances between its voxels in millimetres, instead of what the file says.
+    #[arg(long, value_name = "XxYxZ", value_parser = parse_spacing)]
+    #[allow(dead_code, reason = "not every example shows a volume")]
+    pub spacing: Option<Spacing>,
+    /// Show the phantom in the example mastoid even where the real temporal bone is at hand.
+    #[arg(long, conflicts_with = "volume")]
+    #[allow(dead_code, reason = "not every example shows a volume")]
+    pub phantom: bool,
+    /// Show two pictures side by side in the example mastoid, one for each eye.
+    #[arg(long)]
+    #[allow(dead_code, reason = "not every example has a microscope")]
+    pub stereo: bool,
+    /// Open a second window in the example mastoid that shows what the microscope sees.
+    #[arg(long)]
+    #[allow(dead_code, reason = "not every example has a microscope")]
+    pub monitor: bool,
+    /// Draw a figure of the paper of 2009 with the example mastoid instead of frames: 7, the four ways of shading.
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(7..=7))]
+    pub figure: Option<u32>,
+    /// What the examples liver and mastoid do by themselves.
     #[arg(long, value_enum, default_value_t = Script::None)]
     pub script: Script,
     /// Width of the reaction map of the example liver in texels, 64 to 8192.

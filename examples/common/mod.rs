@@ -4,8 +4,11 @@ mod args;
 mod recording;
 mod report;
 mod run;
+mod volumes;
 
 #[allow(unused_imports, reason = "not every example uses every part")]
 pub use args::{Args, Backend, Script};
 #[allow(unused_imports, reason = "not every example uses every part")]
-pub use run::{Stage, Viewer, main_with, organ};
+pub use run::{Pictures, Stage, Viewer, main_with, organ};
+#[allow(unused_imports, reason = "not every example uses every part")]
+pub use volumes::{Chosen, volume};

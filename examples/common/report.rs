@@ -11,10 +11,13 @@ use std::time::Duration;
 /// What is measured while a run goes on.
 #[derive(Default)]
 pub struct Measures {
-    /// From the start until every organ had its shape.
+    /// From the start until every organ had its shape and every volume was there.
     pub organs_ready: Duration,
     /// Times of frames without organs, with the first one alone, and with all, drawn in turn; milliseconds.
     pub by_organs_shown: [Vec<f64>; 3],
+    /// Times of frames without volumes, of those in which all of them were drawn anew, and of those in which nothing had
+    /// changed; milliseconds.
+    pub by_volumes_shown: [Vec<f64>; 3],
     frames_ms: Vec<f64>,
     uploaded_bytes: Vec<f64>,
     uploaded_rectangles: Vec<f64>,
@@ -50,8 +53,7 @@ impl Measures {
         let mut stages = spans("surgery/", "");
         let pace: Map<String, Value> =
             ["steps_per_frame", "lost_time"].iter().filter_map(|name| stages.remove_entry(*name)).collect();
-        let empty_ms = quantile(&self.by_organs_shown[0], 0.5);
-        json!({
+        let mut report = json!({
             "adapter": adapter,
             "size": [size.x, size.y],
             "frames": self.frames_ms.len(),
@@ -60,9 +62,6 @@ impl Measures {
                 "p95": rounded(quantile(&self.frames_ms, 0.95)),
             },
             "organs_ready_ms": rounded(self.organs_ready.as_secs_f64() * 1e3),
-            "empty_frame_ms": rounded(empty_ms),
-            "first_organ_over_empty_ms": rounded(quantile(&self.by_organs_shown[1], 0.5) - empty_ms),
-            "organs_over_empty_ms": rounded(quantile(&self.by_organs_shown[2], 0.5) - empty_ms),
             "stage_ms": stages,
             "pace": pace,
             "pass_ms": spans("render/", "/elapsed_gpu"),
@@ -72,7 +71,21 @@ impl Measures {
             "rectangles_uploaded_per_frame": quantile(&self.uploaded_rectangles, 0.5),
             "rectangles_uploaded_per_frame_p95": quantile(&self.uploaded_rectangles, 0.95),
             "counters": counters,
-        })
+        });
+        let mut compare = |times: &[Vec<f64>; 3], names: [&str; 3]| {
+            let empty_ms = quantile(&times[0], 0.5);
+            if let (false, Some(report)) = (times[0].is_empty(), report.as_object_mut()) {
+                report.insert(names[0].into(), json!(rounded(empty_ms)));
+                for (name, times) in names.iter().zip(times).skip(1) {
+                    report.insert(name.to_string(), json!(rounded(quantile(times, 0.5) - empty_ms)));
+                }
+            }
+        };
+        let organs = ["empty_frame_ms", "first_organ_over_empty_ms", "organs_over_empty_ms"];
+        compare(&self.by_organs_shown, organs);
+        let volumes = ["without_volumes_frame_ms", "volumes_redrawn_over_empty_ms", "volumes_unchanged_over_empty_ms"];
+        compare(&self.by_volumes_shown, volumes);
+        report
     }
 }
 

@@ -1,7 +1,7 @@
 //! Runs an example in a window, or headless.
 
 use super::args::{Args, Backend};
-use super::{recording, report::Measures};
+use super::{recording, report::Measures, volumes};
 use bevy::asset::{AssetLoadError, LoadState, UnapprovedPathMode};
 use bevy::camera::RenderTarget;
 use bevy::pbr::PbrPlugin;
@@ -13,6 +13,7 @@ use bevy_surgery::organ::awaited_models;
 use bevy_surgery::prelude::*;
 use bevy_surgery::render::graphics_adapters;
 use bevy_surgery::testing::TestApp;
+use bevy_surgery::volume::VolumeLoadFailed;
 use clap::Parser;
 use serde_json::{Map, Value};
 use std::path::{Path, PathBuf};
@@ -44,6 +45,11 @@ pub struct Stage {
     pub viewer: Viewer,
 }
 
+/// Names of pictures that an example draws, one per step, instead of as many frames as it was told to.
+#[derive(Resource, Clone)]
+#[allow(dead_code, reason = "not every example draws figures")]
+pub struct Pictures(pub Vec<String>);
+
 impl Stage {
     fn new(args: &Args, target: RenderTarget, without_recording: Viewer) -> Self {
         Self { target, viewer: if args.replay.is_some() { Viewer::Recording } else { without_recording } }
@@ -61,7 +67,7 @@ pub fn main_with(
         run_models(&args, name, add, count)
     } else if graphics_adapters().is_empty() {
         Err("no Vulkan, Metal or DirectX driver was found: run script/bootstrap, or use --backend cpu".into())
-    } else if args.out.is_none() && has_display() {
+    } else if args.out.is_none() && args.figure.is_none() && has_display() {
         run_window(&args, name, add)
     } else {
         run_headless(&args, name, add, count)
@@ -77,6 +83,7 @@ pub fn main_with(
 
 /// The organ of the arguments; otherwise a real one of the data folder beside the project, where it is there;
 /// otherwise the liver that ships with the crate.
+#[allow(dead_code, reason = "not every example has organs")]
 pub fn organ(
     args: &Args,
     real: Option<&str>,
@@ -151,8 +158,11 @@ fn run_window(args: &Args, name: &str, add: impl FnOnce(&mut App)) -> Result<(),
         move |assets: Res<AssetServer>,
               models: Res<Assets<OrganModel>>,
               organs: Query<(&Organ, Option<&OrganShape>)>,
+              volumes: Query<&VolumeLoadFailed>,
               mut exit: MessageWriter<AppExit>| {
-            if let Some(reason) = failed_organ(&assets, &awaited_models(&models, organs.iter())) {
+            let failed_volume = volumes.iter().next().map(|failed| failed.0.to_string());
+            let failed = failed_organ(&assets, &awaited_models(&models, organs.iter())).or(failed_volume);
+            if let Some(reason) = failed {
                 slot.lock().unwrap_or_else(PoisonError::into_inner).replace(reason);
                 exit.write(AppExit::error());
             }
@@ -184,18 +194,24 @@ fn run_headless(
     recording::build(&mut app, args)?;
     add(&mut app);
     let mut measures = Measures::default();
-    wait_for_organs(&mut app, &mut measures)?;
+    wait_for_bodies(&mut app, &mut measures)?;
     app.warm_up();
-    for frame in 0..args.steps() {
+    let pictures = app.world().get_resource::<Pictures>().cloned();
+    let steps = pictures.as_ref().map_or(args.steps(), |pictures| pictures.0.len() as u32);
+    for frame in 0..steps {
         let started = Instant::now();
         app.step(1);
         measures.take(&app, started.elapsed());
-        if frame % args.every.max(1) == 0 || frame + 1 == args.steps() {
-            let file = out.join(format!("frame-{frame:04}.png"));
-            app.capture().save(&file).map_err(|error| format!("{}: {error}", file.display()))?;
-        }
+        let name = match &pictures {
+            Some(pictures) => pictures.0[frame as usize].clone(),
+            None if frame % args.every.max(1) == 0 || frame + 1 == steps => format!("frame-{frame:04}"),
+            None => continue,
+        };
+        let file = out.join(format!("{name}.png"));
+        app.capture().save(&file).map_err(|error| format!("{}: {error}", file.display()))?;
     }
     compare_with_empty(&mut app, &mut measures);
+    volumes::compare_with_empty(&mut app, &mut measures);
     let adapter = app.world().resource::<RenderAdapterInfo>().name.clone();
     recording::finish(app.world(), args)?;
     let counters = count(app.world_mut());
@@ -216,7 +232,7 @@ fn run_models(
     recording::build(&mut app, args)?;
     add(&mut app);
     let mut measures = Measures::default();
-    wait_for_organs(&mut app, &mut measures)?;
+    wait_for_bodies(&mut app, &mut measures)?;
     for _ in 0..args.steps() {
         let started = Instant::now();
         app.step(1);
@@ -243,16 +259,19 @@ fn failed_organ(assets: &AssetServer, organs: &[Handle<OrganModel>]) -> Option<S
     })
 }
 
-/// Waits until every organ has its shape, and notes how long that took.
-fn wait_for_organs(app: &mut TestApp, measures: &mut Measures) -> Result<(), String> {
+/// Waits until every organ has its shape and every volume is there, and notes how long that took.
+fn wait_for_bodies(app: &mut TestApp, measures: &mut Measures) -> Result<(), String> {
     let started = Instant::now();
     let mut failed = None;
-    app.idle_until("organs", |app| {
+    let mut failed_volumes = app.world_mut().query::<&VolumeLoadFailed>();
+    app.idle_until("organs and volumes", |app| {
+        let is_volume_waiting = volumes::is_waiting(app.world_mut());
         let mut organs = app.world_mut().query::<(&Organ, Option<&OrganShape>)>();
         let world = app.world();
         let waiting = awaited_models(world.resource::<Assets<OrganModel>>(), organs.iter(world));
-        failed = failed_organ(world.resource::<AssetServer>(), &waiting);
-        waiting.is_empty() || failed.is_some()
+        failed = failed_organ(world.resource::<AssetServer>(), &waiting)
+            .or_else(|| volumes::failed_volume(&mut failed_volumes, world));
+        waiting.is_empty() && !is_volume_waiting || failed.is_some()
     });
     measures.organs_ready = started.elapsed();
     failed.map_or(Ok(()), Err)
@@ -263,6 +282,9 @@ fn wait_for_organs(app: &mut TestApp, measures: &mut Measures) -> Result<(), Str
 fn compare_with_empty(app: &mut TestApp, measures: &mut Measures) {
     let mut organs: Vec<Entity> = app.world_mut().query_filtered::<Entity, With<Organ>>().iter(app.world()).collect();
     organs.sort();
+    if organs.is_empty() {
+        return;
+    }
     for round in 0..3 * 25 {
         let shown = [0, 1, organs.len()][round % 3];
         for (place, &organ) in organs.iter().enumerate() {

@@ -1,0 +1,171 @@
+//! A temporal bone under the operating microscope, to be drilled: the real one where it is at hand, otherwise the phantom that
+//! ships with the crate. With `--volume` it is a scan of your own; with `--script demo` a cavity is drilled with no one there.
+//!
+//! The burr follows the mouse over the bone; the left button drills, the wheel sets the force. 1 to 5 choose the burr, S, C and
+//! M its shape. U takes a stroke back, Y brings it again, R makes the bone whole; F5 saves the cut to `mastoid.cut`, F9 loads
+//! it. + and - change the magnification, drag with the right button to turn the view, with the middle one to move it. T
+//! changes between rays and slices, W goes through the kinds of wet shading, P clips what lies in front; with `--stereo` comma
+//! and full stop set the distance of the eyes. Escape ends.
+
+mod common;
+#[path = "mastoid/controls.rs"]
+mod controls;
+#[path = "mastoid/demo.rs"]
+mod demo;
+#[path = "mastoid/drill.rs"]
+mod drill;
+#[path = "mastoid/figure.rs"]
+mod figure;
+#[path = "mastoid/panel.rs"]
+mod panel;
+#[path = "mastoid/tool.rs"]
+mod tool;
+
+use bevy::camera::visibility::RenderLayers;
+use bevy::prelude::*;
+use bevy_panorbit_camera::{PanOrbitCamera, PanOrbitCameraPlugin};
+use bevy_surgery::prelude::*;
+use bevy_surgery::volume::{CtVolume, CutVolume, RemovedTissue, Volume, WatchCritical};
+use common::{Args, Chosen, Script, Stage, Viewer};
+use std::process::ExitCode;
+
+/// By how much the mastoid of the real temporal bone is turned towards the microscope.
+const MASTOID_TURN_RAD: f32 = 0.45;
+
+/// The bone that is drilled.
+#[derive(Component)]
+struct Patient;
+
+fn main() -> ExitCode {
+    common::main_with(
+        "mastoid",
+        |app| {
+            app.insert_resource(ClearColor(Color::srgb(0.03, 0.045, 0.05)));
+            drill::build(app);
+            tool::build(app);
+            panel::build(app);
+            app.add_systems(Startup, setup).add_systems(Update, look_at_volume);
+            let (args, viewer) = (app.world().resource::<Args>().clone(), app.world().resource::<Stage>().viewer);
+            match (args.figure, args.script, viewer) {
+                (Some(_), ..) => figure::build(app),
+                (None, Script::Demo, _) => demo::build(app),
+                (None, Script::None, Viewer::Person) => {
+                    app.add_plugins(PanOrbitCameraPlugin);
+                    controls::build(app);
+                }
+                (None, Script::None, Viewer::Nobody) => {
+                    app.add_systems(FixedUpdate, turn.in_set(SurgerySystems::Sense));
+                }
+                (None, Script::None, Viewer::Recording) => {}
+            }
+        },
+        count,
+    )
+}
+
+fn setup(mut commands: Commands, args: Res<Args>, stage: Res<Stage>, mut volumes: ResMut<Assets<Volume>>) -> Result {
+    // The farthest warning, 2 mm from the surface of a burr, is given 5 mm from its middle.
+    let mut patient = commands.spawn((Patient, WatchCritical { band_mm: 6.0 }));
+    let facing = match common::volume(&args, &mut patient, &mut volumes)? {
+        // A right ear as well. Its outer side is at -Y and the top of the head at -Z, the back of the head at +X; turned a
+        // little further, the mastoid behind the ear canal lies in the middle.
+        Chosen::TemporalBone => {
+            Quat::from_rotation_y(MASTOID_TURN_RAD)
+                * Quat::from_mat3(&Mat3::from_cols(Vec3::NEG_X, Vec3::NEG_Z, Vec3::NEG_Y))
+        }
+        // The phantom and patients face +Z.
+        Chosen::Phantom | Chosen::Given => Quat::IDENTITY,
+    };
+    patient.insert(Transform::from_rotation(facing));
+    let microscope = commands.spawn((
+        Microscope::default(),
+        // The drill's own light is on layer 1, so that it does not light the bone a second time.
+        RenderLayers::from_layers(&[0, 1]),
+        stage.target.clone(),
+        Transform::from_xyz(0.0, 0.0, Microscope::default().working_distance_m),
+        // On both layers, because the drill casts its shadow from here.
+        children![
+            (MicroscopeLamp::default(), RenderLayers::from_layers(&[0, 1])),
+            (
+                PointLight { intensity: 9000.0, range: 2.0, ..default() },
+                Transform::from_xyz(-0.1, 0.12, 0.0),
+                RenderLayers::layer(1)
+            ),
+        ],
+    ));
+    let microscope = microscope.id();
+    if args.stereo {
+        commands.entity(microscope).insert(StereoPair::default());
+    }
+    if args.monitor && stage.viewer == Viewer::Person {
+        let window = commands.spawn(Window { title: "mastoid: monitor".into(), ..default() }).id();
+        let target = bevy::camera::RenderTarget::Window(bevy::window::WindowRef::Entity(window));
+        let layers = RenderLayers::from_layers(&[0, 1]);
+        commands.spawn((MonitorView { of: microscope }, target, layers, bevy::camera::Hdr, Msaa::Off));
+    }
+    Ok(())
+}
+
+/// Sets the microscope up for a volume that has arrived: a bone is seen at life size, a whole head whole.
+fn look_at_volume(
+    mut commands: Commands,
+    arrived: Query<(&CtVolume, &Transform), (Added<CutVolume>, Without<Microscope>)>,
+    volumes: Res<Assets<Volume>>,
+    stage: Res<Stage>,
+    args: Res<Args>,
+    mut microscopes: Query<(Entity, &mut Microscope, &mut Transform)>,
+    mut lamps: Query<(&mut MicroscopeLamp, &mut ScopeLight)>,
+) {
+    let Some((source, place)) = arrived.iter().next() else { return };
+    let Some(volume) = volumes.get(&source.0) else { return };
+    let half_m: Vec3 = volume.grid().half_axes_m().iter().map(|axis| (place.rotation * *axis).abs()).sum();
+    let life_size = Microscope::default();
+    let widest_m = 2.0 * half_m.truncate().max_element();
+    let scale = if widest_m < 0.06 { 1.0 } else { 1.25 * widest_m / life_size.field_m() };
+    for (entity, mut microscope, mut transform) in &mut microscopes {
+        microscope.working_distance_m = life_size.working_distance_m * scale;
+        microscope.field_at_1x_m = life_size.field_at_1x_m * scale;
+        // In focus is what lies between the surface and the middle.
+        transform.translation = Vec3::Z * (microscope.working_distance_m + 0.5 * half_m.z);
+        if stage.viewer == Viewer::Person && args.script == Script::None {
+            commands.entity(entity).insert(PanOrbitCamera {
+                button_orbit: MouseButton::Right,
+                button_pan: MouseButton::Middle,
+                // The wheel is for the force.
+                zoom_sensitivity: 0.0,
+                ..default()
+            });
+        }
+    }
+    for (mut lamp, mut light) in &mut lamps {
+        lamp.offset_m = MicroscopeLamp::default().offset_m * scale;
+        light.intensity_cd *= scale * scale;
+    }
+}
+
+/// Turns the bone slowly where nobody is there to do so.
+fn turn(mut patients: Query<&mut Transform, With<Patient>>) {
+    for mut transform in &mut patients {
+        transform.rotate_y(0.01);
+    }
+}
+
+fn count(world: &mut World) -> serde_json::Map<String, serde_json::Value> {
+    let mut counters = serde_json::Map::new();
+    let fixed = world.resource::<Time<Fixed>>();
+    counters.insert("steps".into(), ((fixed.elapsed().as_nanos() / fixed.timestep().as_nanos()) as u64).into());
+    let mut patients = world.query_filtered::<(&CtVolume, &RemovedTissue), With<Patient>>();
+    for (source, removed) in patients.iter(world) {
+        let Some(volume) = world.resource::<Assets<Volume>>().get(&source.0) else { continue };
+        counters.insert("voxels".into(), serde_json::json!(volume.grid().size.to_array()));
+        counters.insert("spacing_mm".into(), serde_json::json!(volume.grid().spacing_mm().to_array()));
+        counters.insert("removed_mm3".into(), removed.total_mm3().into());
+        let Some(structures) = volume.structures() else { continue };
+        let by_structure = structures.list().iter().zip(1..=255).filter_map(|(structure, label)| {
+            let mm3 = removed.of_label_mm3(label);
+            (mm3 > 0.0).then(|| (structure.name.clone(), mm3.into()))
+        });
+        counters.insert("removed_mm3_by_structure".into(), serde_json::Value::Object(by_structure.collect()));
+    }
+    counters
+}

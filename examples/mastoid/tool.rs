@@ -1,0 +1,138 @@
+//! How the drill looks.
+
+use crate::drill::Drill;
+use bevy::asset::RenderAssetUsages;
+use bevy::camera::visibility::RenderLayers;
+use bevy::mesh::{Indices, PrimitiveTopology};
+use bevy::prelude::*;
+use bevy_surgery::prelude::*;
+use bevy_surgery::volume::cut::{Burr, BurrKind, BurrShape};
+
+/// The drill that is seen; its origin is the middle of the burr, its shaft goes up along Y.
+#[derive(Component)]
+struct Handpiece;
+
+/// The burr at its end.
+#[derive(Component)]
+struct BurrHead;
+
+/// Turn between steps: no divisor of a whole one, so that the flutes do not stand still.
+const TURN_PER_STEP_RAD: f32 = 1.1;
+
+pub fn build(app: &mut App) {
+    app.add_systems(Startup, spawn_drill).add_systems(Update, (change_burr, place_drill));
+}
+
+fn spawn_drill(
+    mut commands: Commands,
+    meshes: Option<ResMut<Assets<Mesh>>>,
+    materials: Option<ResMut<Assets<StandardMaterial>>>,
+) {
+    // Without a renderer there is nothing to see.
+    let (Some(mut meshes), Some(mut materials)) = (meshes, materials) else { return };
+    // Radius and height of the shaft, millimetres: a thin neck, the collar, the handle.
+    let outline =
+        [(0.0, 0.0), (0.75, 0.0), (1.1, 24.0), (2.2, 34.0), (3.6, 37.0), (4.6, 52.0), (5.5, 120.0), (0.0, 120.0)];
+    let handle = revolve(&outline.map(|(radius, height)| Vec2::new(radius, height) * 1e-3), 0.0);
+    let steel = StandardMaterial {
+        base_color: Color::srgb(0.55, 0.57, 0.6),
+        metallic: 0.5,
+        perceptual_roughness: 0.38,
+        ..default()
+    };
+    commands.spawn((
+        Handpiece,
+        Mesh3d(meshes.add(handle)),
+        MeshMaterial3d(materials.add(steel)),
+        ToolShadow,
+        RenderLayers::layer(1),
+        Visibility::Hidden,
+        children![(BurrHead, Transform::default(), Visibility::default(), ToolShadow, RenderLayers::layer(1))],
+    ));
+}
+
+/// Puts another burr on when another one was chosen.
+fn change_burr(
+    mut commands: Commands,
+    drill: Res<Drill>,
+    mut shown: Local<Option<Burr>>,
+    heads: Query<Entity, With<BurrHead>>,
+    meshes: Option<ResMut<Assets<Mesh>>>,
+    materials: Option<ResMut<Assets<StandardMaterial>>>,
+) {
+    let (Some(mut meshes), Some(mut materials)) = (meshes, materials) else { return };
+    let Some(head) = heads.iter().next().filter(|_| *shown != Some(drill.burr)) else { return };
+    *shown = Some(drill.burr);
+    let (colour, roughness, groove) = match drill.burr.kind {
+        BurrKind::Cutting => (Color::srgb(0.7, 0.72, 0.75), 0.3, 0.16),
+        BurrKind::Diamond => (Color::srgb(0.5, 0.46, 0.36), 0.75, 0.0),
+        BurrKind::Polishing => (Color::srgb(0.62, 0.55, 0.45), 0.6, 0.0),
+    };
+    let steel = StandardMaterial { base_color: colour, metallic: 0.5, perceptual_roughness: roughness, ..default() };
+    let mesh = revolve(&outline(&drill.burr), groove);
+    commands.entity(head).insert((Mesh3d(meshes.add(mesh)), MeshMaterial3d(materials.add(steel))));
+}
+
+/// Half of a burr's section, from its tip to its back: radius and height, metres.
+fn outline(burr: &Burr) -> Vec<Vec2> {
+    let radius_m = 0.5 * burr.diameter_m;
+    let (straight_m, is_round) = match burr.shape {
+        BurrShape::Sphere => (0.0, true),
+        BurrShape::Matchstick { length_m } => ((0.5 * length_m - radius_m).max(0.0), true),
+        BurrShape::Cylinder { length_m } => (0.5 * length_m, false),
+    };
+    let quarter =
+        |k: u32| if is_round { Vec2::from_angle(std::f32::consts::FRAC_PI_2 * k as f32 / 10.0) } else { Vec2::X };
+    let tip = Vec2::new(0.0, -straight_m - if is_round { radius_m } else { 0.0 });
+    let below = (0..10).rev().map(|k| quarter(k) * Vec2::new(radius_m, -radius_m) - Vec2::Y * straight_m);
+    let above = (0..10).map(|k| quarter(k) * radius_m + Vec2::Y * straight_m);
+    std::iter::once(tip).chain(below).chain(above).chain([tip * Vec2::NEG_Y]).collect()
+}
+
+/// Turns an outline about the Y axis; grooves of a depth, as a share of the radius, wind about it.
+fn revolve(outline: &[Vec2], groove: f32) -> Mesh {
+    const SEGMENTS: u32 = 96;
+    const FLUTES: f32 = 8.0;
+    let widest = outline.iter().fold(0.0_f32, |widest, point| widest.max(point.x));
+    let mut positions = Vec::new();
+    for point in outline {
+        for k in 0..SEGMENTS {
+            let angle = k as f32 / SEGMENTS as f32 * std::f32::consts::TAU;
+            let flute = (0.5 * FLUTES * (angle + 0.6 * point.y / widest)).sin().abs();
+            let radius = point.x * (1.0 - groove * (1.0 - flute).powi(2));
+            positions.push([radius * angle.cos(), point.y, -radius * angle.sin()]);
+        }
+    }
+    let mut indices = Vec::new();
+    for ring in 0..outline.len() as u32 - 1 {
+        for k in 0..SEGMENTS {
+            let next = (k + 1) % SEGMENTS;
+            let [a, b, c, d] =
+                [ring * SEGMENTS + k, ring * SEGMENTS + next, (ring + 1) * SEGMENTS + k, (ring + 1) * SEGMENTS + next];
+            indices.extend([a, b, c, c, b, d]);
+        }
+    }
+    Mesh::new(PrimitiveTopology::TriangleList, RenderAssetUsages::default())
+        .with_inserted_attribute(Mesh::ATTRIBUTE_POSITION, positions)
+        .with_inserted_indices(Indices::U32(indices))
+        .with_computed_smooth_normals()
+}
+
+/// Holds the drill where the burr is.
+fn place_drill(
+    drill: Res<Drill>,
+    mut handles: Query<(&mut Transform, &mut Visibility), With<Handpiece>>,
+    mut heads: Query<&mut Transform, (With<BurrHead>, Without<Handpiece>)>,
+) {
+    for (mut transform, mut visibility) in &mut handles {
+        let shown = if drill.pose.is_some() { Visibility::Inherited } else { Visibility::Hidden };
+        visibility.set_if_neq(shown);
+        if let Some(pose) = drill.pose {
+            let rotation = Quat::from_rotation_arc(Vec3::Y, pose.axis.normalize_or(Vec3::Y));
+            transform.set_if_neq(Transform { translation: pose.centre_m, rotation, ..default() });
+        }
+    }
+    if drill.is_on && drill.pose.is_some() {
+        heads.iter_mut().for_each(|mut head| head.rotate_local_y(TURN_PER_STEP_RAD));
+    }
+}
