@@ -75,12 +75,16 @@ pub mod prelude {
         Endoscope, Microscope, MicroscopeLamp, MonitorView, ScopeLight, ScopeMask, StereoPair, SurgeryViewPlugin,
         ToolShadow, ToolShadows,
     };
+    pub use crate::volume::critical::CriticalDistances;
     pub use crate::volume::cut::{Burr, BurrKind, BurrPose, BurrShape};
+    pub use crate::volume::load::VolumeLoadOptions;
+    pub use crate::volume::phantom::{PhantomOptions, phantom};
     pub use crate::volume::structures::{Structure, Structures, Tissue};
-    pub use crate::volume::transfer::TransferFunction;
+    pub use crate::volume::transfer::{ColourSource, ControlPoint, TransferFunction};
     pub use crate::volume::{
-        CtVolume, CutVolume, DrillVolume, LoadVolume, RemovedTissue, SmoothedNormals, Volume, VolumeLook, VolumeMethod,
-        VolumePicking, VolumePlugin, VoxelsRemoved, WatchCritical, WetShading,
+        CtVolume, CutVolume, DrillVolume, LoadVolume, RemovedTissue, SmoothedNormals, Volume, VolumeGrid,
+        VolumeHitInWorld, VolumeLoadFailed, VolumeLook, VolumeMethod, VolumePicking, VolumePlugin, Voxels,
+        VoxelsRemoved, WatchCritical, WetShading,
     };
 }
 
@@ -106,6 +110,7 @@ use bevy::app::{PluginGroup, PluginGroupBuilder};
 /// | [`SkinPlugin`](skin::SkinPlugin) | [`Skin`](skin::Skin) | organ; render to be seen |
 /// | [`ReactionsPlugin`](reactions::ReactionsPlugin) | [`Reactions`](reactions::Reactions), [`OrganTouch`](reactions::OrganTouch) | organ; render to be seen |
 /// | [`HighlightsPlugin`](highlights::HighlightsPlugin) | [`Highlights`](highlights::Highlights) | organ; render to be seen |
+/// | [`VolumePlugin`](volume::VolumePlugin) | [`CtVolume`](volume::CtVolume), [`LoadVolume`](volume::LoadVolume), [`DrillVolume`](volume::DrillVolume) | schedule; render to be seen |
 /// | [`SurgeryViewPlugin`](view::SurgeryViewPlugin) (feature `render`) | [`Endoscope`](view::Endoscope), [`Microscope`](view::Microscope), [`ScopeLight`](view::ScopeLight), [`ScopeMask`](view::ScopeMask), [`StereoPair`](view::StereoPair), [`MonitorView`](view::MonitorView), [`ToolShadows`](view::ToolShadows) | render |
 pub struct SurgeryPlugins;
 

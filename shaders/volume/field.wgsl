@@ -1,5 +1,5 @@
 // What a volume is made of at a place, shared by the passes that walk through it. Space: voxel. Rust twins:
-// `volume/render/textures.rs`, `volume/software`.
+// `volume/render/texels.rs`, `volume/software`.
 #define_import_path bevy_surgery::volume_field
 
 #import bevy_surgery::volume::{volume, depth_m_of}

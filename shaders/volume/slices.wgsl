@@ -31,7 +31,8 @@ fn vertex(@location(0) corner: vec4<f32>) -> Varying {
 
 @fragment
 fn fragment(in: Varying) -> Blended {
-    let pixel = in.clip.xy - volume.viewport.xy;
+    // The buffers begin where the viewport does.
+    let pixel = in.clip.xy;
     let depth_m = in.k * volume.step_m;
     let ray = ray_through(pixel);
     let voxel = ray.origin + ray.along * depth_m;

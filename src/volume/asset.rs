@@ -109,24 +109,28 @@ fn begin_loading(mut commands: Commands, wanted: Query<(Entity, &LoadVolume), Ch
             info!("{file}: {size} voxels after {seconds:.2} s; {report:?}");
             Ok(volume)
         });
-        commands.entity(entity).remove::<VolumeLoadFailed>().insert(Loading(task));
+        commands.entity(entity).try_remove::<VolumeLoadFailed>().try_insert(Loading(task));
     }
 }
 
 fn finish_loading(
     mut commands: Commands,
-    mut loading: Query<(Entity, &mut Loading)>,
+    mut loading: Query<(Entity, &mut Loading, Has<LoadVolume>)>,
     mut volumes: ResMut<Assets<Volume>>,
 ) {
-    for (entity, mut task) in &mut loading {
+    for (entity, mut task, is_wanted) in &mut loading {
+        if !is_wanted {
+            commands.entity(entity).try_remove::<Loading>();
+            continue;
+        }
         let Some(loaded) = block_on(poll_once(&mut task.0)) else { continue };
         let mut entity = commands.entity(entity);
-        entity.remove::<(Loading, LoadVolume)>();
+        entity.try_remove::<(Loading, LoadVolume)>();
         match loaded {
-            Ok(volume) => entity.insert(CtVolume(volumes.add(volume))),
+            Ok(volume) => entity.try_insert(CtVolume(volumes.add(volume))),
             Err(reason) => {
                 error!("{reason}");
-                entity.insert(VolumeLoadFailed(reason))
+                entity.try_insert(VolumeLoadFailed(reason))
             }
         };
     }

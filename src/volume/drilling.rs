@@ -110,11 +110,12 @@ pub(super) fn build(app: &mut App) {
         .add_message::<VoxelsRemoved>()
         .register_type::<DrillVolume>()
         .register_type::<VoxelsRemoved>()
-        .register_type::<RemovedTissue>()
-        .add_systems(
-            FixedUpdate,
-            (drill_volumes, count_removed).chain().in_set(DrillVolumes).in_set(SurgerySystems::Cut),
-        );
+        .register_type::<RemovedTissue>();
+    app.register_required_components::<CutVolume, RemovedTissue>();
+    app.add_systems(
+        FixedUpdate,
+        (drill_volumes, count_removed).chain().in_set(DrillVolumes).in_set(SurgerySystems::Cut),
+    );
 }
 
 fn drill_volumes(
@@ -167,14 +168,22 @@ fn drill_volumes(
     }
 }
 
+/// Volumes whose content was exchanged or modified in place.
+pub(super) fn changed_volumes(events: &mut MessageReader<AssetEvent<Volume>>) -> Vec<AssetId<Volume>> {
+    let id = |event: &AssetEvent<Volume>| if let AssetEvent::Modified { id } = event { Some(*id) } else { None };
+    events.read().filter_map(id).collect()
+}
+
 /// Counts anew where a cut changed otherwise: undone, reset, loaded.
 fn count_removed(
-    mut bodies: Query<(&CtVolume, &CutVolume, &mut RemovedTissue), Changed<CutVolume>>,
+    mut bodies: Query<(&CtVolume, &CutVolume, &mut RemovedTissue)>,
     volumes: Res<Assets<Volume>>,
+    mut assets: MessageReader<AssetEvent<Volume>>,
 ) {
+    let changed = changed_volumes(&mut assets);
     for (body, cut, mut tissue) in &mut bodies {
         let Some(volume) = volumes.get(&body.0).filter(|volume| volume.grid().size == cut.size()) else { continue };
-        if tissue.revision != Some(cut.revision()) {
+        if tissue.revision != Some(cut.revision()) || changed.contains(&body.0.id()) {
             tissue.recount(volume, cut);
             tissue.revision = Some(cut.revision());
         }

@@ -35,6 +35,45 @@ pub use watch::WatchCritical;
 
 use bevy::prelude::*;
 
+/// Makes the types known that are neither components nor in messages.
+fn register(app: &mut App) {
+    app.register_type::<VolumeGrid>()
+        .register_type::<VoxelBox>()
+        .register_type::<Voxels>()
+        .register_type::<CutVolume>()
+        .register_type::<cut::CutError>()
+        .register_type::<cut::BurrError>()
+        .register_type::<cut::Removal>()
+        .register_type::<error::VolumeError>()
+        .register_type::<error::VolumeFault>()
+        .register_type::<load::VolumeFormat>()
+        .register_type::<load::LoadReport>()
+        .register_type::<phantom::PhantomOptions>()
+        .register_type::<blocks::BlockRanges>()
+        .register_type::<blocks::BlockDistances>()
+        .register_type::<critical::StructureDistance>();
+    app.register_type::<structures::Structure>()
+        .register_type::<structures::Structures>()
+        .register_type::<structures::Tissue>()
+        .register_type::<structures::Palette>()
+        .register_type::<structures::SnapReport>()
+        .register_type::<structures::SolidRamp>()
+        .register_type::<structures::ThresholdBand>()
+        .register_type::<structures::Thresholds>()
+        .register_type::<transfer::ControlPoint>()
+        .register_type::<transfer::ValueScale>()
+        .register_type::<transfer::ColourSource>()
+        .register_type::<transfer::TransferFunction>()
+        .register_type::<transfer::TransferTable>();
+    app.register_type::<software::RenderField>()
+        .register_type::<software::NormalImage>()
+        .register_type::<software::VolumeImage>()
+        .register_type::<software::MarchCounts>()
+        .register_type::<software::ViewRays>()
+        .register_type::<software::VoxelRay>()
+        .register_type::<software::IncidentLight>();
+}
+
 /// Loads volumes, keeps what was cut, and shows them. See the [module](self).
 pub struct VolumePlugin;
 
@@ -47,5 +86,6 @@ impl Plugin for VolumePlugin {
         watch::build(app);
         #[cfg(feature = "render")]
         render::build(app);
+        register(app);
     }
 }

@@ -30,7 +30,8 @@ pub struct PickedVolume(pub VolumePicker);
 /// Finds volumes with rays, as they are since the last step.
 #[derive(SystemParam)]
 pub struct VolumePicking<'w, 's> {
-    volumes: Query<'w, 's, (Entity, &'static PickedVolume, &'static CutVolume, &'static GlobalTransform)>,
+    volumes:
+        Query<'w, 's, (Entity, &'static PickedVolume, &'static CutVolume, &'static GlobalTransform), With<CtVolume>>,
 }
 
 impl VolumePicking<'_, '_> {
@@ -81,13 +82,19 @@ fn build_pickers(
     bodies: Query<(Entity, &CtVolume, Option<&PickedVolume>), With<CutVolume>>,
 ) {
     for (entity, body, picker) in &bodies {
-        let Some(volume) = volumes.get(&body.0) else { continue };
-        let Some(structures) = volume.structures() else { continue };
+        let structured = volumes.get(&body.0).and_then(|volume| volume.structures().map(|of| (volume, of)));
+        let Some((volume, structures)) = structured else {
+            // The old volume's is not the new one's.
+            if picker.is_some() {
+                commands.entity(entity).try_remove::<PickedVolume>();
+            }
+            continue;
+        };
         if picker.is_some_and(|picker| Arc::ptr_eq(picker.0.structures(), structures)) {
             continue;
         }
         if let Some(picker) = VolumePicker::new(*volume.grid(), structures.clone()) {
-            commands.entity(entity).insert(PickedVolume(picker));
+            commands.entity(entity).try_insert(PickedVolume(picker));
         }
     }
 }

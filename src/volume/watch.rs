@@ -1,6 +1,7 @@
 //! Distances to critical structures in the ECS.
 
 use super::critical::CriticalDistances;
+use super::drilling::{DrillVolumes, changed_volumes};
 use super::{CtVolume, CutVolume, PrepareCuts, Volume};
 use crate::schedule::SurgerySystems;
 use bevy::prelude::*;
@@ -11,7 +12,7 @@ use bevy::tasks::{AsyncComputeTaskPool, Task, block_on, poll_once};
 #[derive(Component, Clone, Copy, Debug, PartialEq, Reflect)]
 #[reflect(Component, Default, Clone)]
 pub struct WatchCritical {
-    /// How far from a structure its distance is known, millimetres.
+    /// How far from a structure its distance is known, millimetres; 0.01 to 1000, and the default where it is no number.
     pub band_mm: f32,
 }
 
@@ -24,62 +25,84 @@ impl Default for WatchCritical {
 /// Distances that are being measured.
 #[derive(Component)]
 struct Measuring {
-    of: AssetId<Volume>,
-    watch: WatchCritical,
+    what: Measured,
     task: Task<CriticalDistances>,
 }
 
 /// Whose distances these are.
 #[derive(Component, Clone, Copy, PartialEq)]
-struct Measured(AssetId<Volume>, WatchCritical);
+struct Measured {
+    of: AssetId<Volume>,
+    band_mm: f32,
+}
 
 pub(super) fn build(app: &mut App) {
     app.register_type::<WatchCritical>()
         .register_type::<CriticalDistances>()
         .add_systems(PreUpdate, measure.after(PrepareCuts))
-        .add_systems(FixedUpdate, follow_cuts.in_set(SurgerySystems::Cut).after(super::drilling::DrillVolumes));
+        .add_systems(FixedUpdate, follow_cuts.in_set(SurgerySystems::Cut).after(DrillVolumes));
 }
 
 type Watched = (
     Entity,
     &'static CtVolume,
-    &'static CutVolume,
+    Option<&'static CutVolume>,
     &'static WatchCritical,
     Option<&'static mut Measuring>,
     Option<&'static Measured>,
 );
 
-fn measure(mut commands: Commands, volumes: Res<Assets<Volume>>, mut watched: Query<Watched>) {
+fn measure(
+    mut commands: Commands,
+    volumes: Res<Assets<Volume>>,
+    mut watched: Query<Watched>,
+    mut unwatched: RemovedComponents<WatchCritical>,
+    mut assets: MessageReader<AssetEvent<Volume>>,
+) {
+    for entity in unwatched.read().filter(|entity| !watched.contains(*entity)) {
+        if let Ok(mut entity) = commands.get_entity(entity) {
+            entity.try_remove::<(Measuring, Measured, CriticalDistances)>();
+        }
+    }
+    let changed = changed_volumes(&mut assets);
     for (entity, body, cut, watch, measuring, measured) in &mut watched {
-        let wanted = Measured(body.0.id(), *watch);
-        if let Some(mut measuring) = measuring.filter(|measuring| Measured(measuring.of, measuring.watch) == wanted) {
+        let band_mm = finite_band(watch.band_mm);
+        let wanted = Measured { of: body.0.id(), band_mm };
+        let is_modified = changed.contains(&wanted.of);
+        if let Some(mut measuring) = measuring.filter(|measuring| measuring.what == wanted && !is_modified) {
             if let Some(distances) = block_on(poll_once(&mut measuring.task)) {
-                commands.entity(entity).remove::<Measuring>().insert((distances, wanted));
+                commands.entity(entity).try_remove::<Measuring>().try_insert((distances, wanted));
             }
             continue;
         }
-        if measured == Some(&wanted) {
+        if measured == Some(&wanted) && !is_modified {
             continue;
         }
-        let Some(volume) = volumes.get(&body.0).filter(|volume| volume.grid().size == cut.size()) else { continue };
+        // Another volume's distances would warn of what is not there.
+        if measured.is_some_and(|measured| measured.of != wanted.of) || is_modified {
+            commands.entity(entity).try_remove::<(CriticalDistances, Measured)>();
+        }
+        let Some((volume, cut)) = volumes.get(&body.0).zip(cut).filter(|(it, cut)| it.grid().size == cut.size()) else {
+            continue;
+        };
         let Some(structures) = volume.structures().cloned() else { continue };
         // What is drilled meanwhile is caught up with by the cut's revision.
-        let (grid, cut, band_mm) = (*volume.grid(), cut.clone(), watch.band_mm);
+        let (grid, cut) = (*volume.grid(), cut.clone());
         let task = AsyncComputeTaskPool::get()
             .spawn(async move { CriticalDistances::build(&grid, &structures, &cut, band_mm) });
-        commands.entity(entity).insert(Measuring { of: wanted.0, watch: *watch, task });
+        commands.entity(entity).try_insert(Measuring { what: wanted, task });
     }
 }
 
-fn follow_cuts(
-    volumes: Res<Assets<Volume>>,
-    mut watched: Query<
-        (&CtVolume, &CutVolume, &mut CriticalDistances),
-        Or<(Changed<CutVolume>, Added<CriticalDistances>)>,
-    >,
-) {
+/// The band that is measured: the default where it is not a number.
+fn finite_band(band_mm: f32) -> f32 {
+    if band_mm.is_finite() { band_mm.clamp(0.01, 1e3) } else { WatchCritical::default().band_mm }
+}
+
+fn follow_cuts(volumes: Res<Assets<Volume>>, mut watched: Query<(&CtVolume, &CutVolume, &mut CriticalDistances)>) {
     for (body, cut, mut distances) in &mut watched {
         let Some(structures) = volumes.get(&body.0).and_then(Volume::structures) else { continue };
+        // Returns at once where the cut is the one that it knows.
         if distances.bypass_change_detection().update(structures, cut) {
             distances.set_changed();
         }

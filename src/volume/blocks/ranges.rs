@@ -9,7 +9,7 @@ use rayon::prelude::*;
 
 /// For every block the first and last entry of a lookup table that a sample in it can meet.
 ///
-/// One entry wider on both sides than the voxels' values are, so that it holds for values rounded to what a texture stores
+/// Some entries wider on both sides than the voxels' values are, so that it holds for values rounded to what a texture stores
 /// and for an interpolation in single precision. It does not depend on the transfer function and not on the cut.
 #[derive(Clone, Debug, PartialEq, Reflect)]
 #[reflect(opaque)]
@@ -31,11 +31,12 @@ impl BlockRanges {
             if greatest > least { ((value - least) / (greatest - least)) as f32 } else { 0.0 }
         };
         let entries = match volume.voxels() {
-            Voxels::U8(voxels) => entries_of(size, voxels, |&voxel| voxel, normalized),
-            Voxels::I16(voxels) => entries_of(size, voxels, |&voxel| voxel, normalized),
-            Voxels::U16(voxels) => entries_of(size, voxels, |&voxel| voxel, normalized),
-            Voxels::F32(voxels) => entries_of(size, voxels, |&voxel| voxel, normalized),
-            Voxels::Rgba(voxels) => entries_of(size, voxels, |voxel| voxel[3], normalized),
+            // Eight bits of the share of the range are up to two entries off, and rounding one more.
+            Voxels::U8(voxels) => entries_of(size, voxels, |&voxel| voxel, normalized, 3),
+            Voxels::I16(voxels) => entries_of(size, voxels, |&voxel| voxel, normalized, 1),
+            Voxels::U16(voxels) => entries_of(size, voxels, |&voxel| voxel, normalized, 1),
+            Voxels::F32(voxels) => entries_of(size, voxels, |&voxel| voxel, normalized, 1),
+            Voxels::Rgba(voxels) => entries_of(size, voxels, |voxel| voxel[3], normalized, 1),
         };
         Self { size, blocks: blocks_of(size), entries }
     }
@@ -67,6 +68,7 @@ fn entries_of<V: Sync, T: Copy + PartialOrd + Into<f64>>(
     voxels: &[V],
     stored: impl Fn(&V) -> T + Sync,
     normalized: impl Fn(f64) -> f32 + Sync,
+    margin: usize,
 ) -> Vec<[u16; 2]> {
     let blocks = blocks_of(size);
     let width = size.x as usize;
@@ -99,7 +101,7 @@ fn entries_of<V: Sync, T: Copy + PartialOrd + Into<f64>>(
                 greatest[first..=last].iter().copied().reduce(greatest_of).map_or(0.0, |high| normalized(high.into()));
             // A negative slope turns the order round.
             let (low, high) = (TransferTable::index(low.min(high)), TransferTable::index(low.max(high)));
-            *entries = [low.saturating_sub(1) as u16, (high + 1).min(TABLE_ENTRIES - 1) as u16];
+            *entries = [low.saturating_sub(margin) as u16, (high + margin).min(TABLE_ENTRIES - 1) as u16];
         }
     });
     entries

@@ -9,10 +9,12 @@ const REMEMBERED: usize = 256;
 /// Boxes that a reader gets at most.
 const BOXES: usize = 8;
 
-/// Boxes with the revision that they led to. Cuts number their revisions from different beginnings, so that a reader who finds
-/// another cut in the place of the one it copied is told to take everything.
+/// Boxes with the revision that they led to. No two changes of any cuts, clones included, have the same revision, so that a
+/// reader who finds another cut in the place of the one it copied is told to take everything.
 #[derive(Clone)]
 pub(super) struct Changes {
+    /// Shared by clones, and by nobody else.
+    pub lineage: u64,
     revision: u64,
     /// Readers at an earlier revision than this take everything.
     known_since: u64,
@@ -21,9 +23,8 @@ pub(super) struct Changes {
 
 impl Changes {
     pub fn new() -> Self {
-        static CUTS: AtomicU64 = AtomicU64::new(1);
-        let revision = CUTS.fetch_add(1, Ordering::Relaxed) << 40;
-        Self { revision, known_since: revision, boxes: VecDeque::new() }
+        let revision = next_revision();
+        Self { lineage: revision, revision, known_since: revision, boxes: VecDeque::new() }
     }
 
     pub fn revision(&self) -> u64 {
@@ -31,7 +32,7 @@ impl Changes {
     }
 
     pub fn push(&mut self, changed: VoxelBox) {
-        self.revision += 1;
+        self.revision = next_revision();
         if self.boxes.len() == REMEMBERED
             && let Some((revision, _)) = self.boxes.pop_front()
         {
@@ -40,14 +41,17 @@ impl Changes {
         self.boxes.push_back((self.revision, changed));
     }
 
-    pub fn everything(&mut self) {
-        self.revision += 1;
-        self.known_since = self.revision;
-        self.boxes.clear();
+    /// Notes many boxes as a few.
+    pub fn push_all(&mut self, changed: impl IntoIterator<Item = VoxelBox>) {
+        let mut merged = Vec::new();
+        changed.into_iter().for_each(|one| merge(&mut merged, one));
+        merged.into_iter().for_each(|one| self.push(one));
     }
 
     pub fn since(&self, revision: u64) -> Option<Vec<VoxelBox>> {
-        if !(self.known_since..=self.revision).contains(&revision) {
+        let is_known =
+            revision == self.known_since || self.boxes.binary_search_by_key(&revision, |&(led_to, _)| led_to).is_ok();
+        if !is_known {
             return None;
         }
         let mut merged: Vec<VoxelBox> = Vec::new();
@@ -57,6 +61,11 @@ impl Changes {
         }
         Some(merged)
     }
+}
+
+fn next_revision() -> u64 {
+    static NEXT: AtomicU64 = AtomicU64::new(1);
+    NEXT.fetch_add(1, Ordering::Relaxed)
 }
 
 /// Adds a box: to one that it does not grow by much, otherwise on its own, or to the one that it grows least.
@@ -98,9 +107,11 @@ mod tests {
         assert!(boxes.contains(&cube(0, 20)));
         assert_eq!(changes.since(start - 1), None);
         assert_eq!(changes.since(changes.revision() + 1), None, "of another cut");
-        changes.everything();
-        assert_eq!(changes.since(seen), None);
         assert_eq!(changes.since(changes.revision()), Some(vec![]));
+        let mut other = changes.clone();
+        changes.push(cube(0, 1));
+        other.push(cube(50, 1));
+        assert_eq!(other.since(changes.revision()), None, "a clone goes its own way");
     }
 
     #[test]

@@ -132,6 +132,11 @@ impl CutVolume {
         self.changes.since(revision)
     }
 
+    /// A number that this cut shares with its clones only.
+    pub(crate) fn lineage(&self) -> u64 {
+        self.changes.lineage
+    }
+
     /// Removes what a burr takes during a step of `dt_s` seconds, as the [module](self) describes. Nothing is removed
     /// if a number is not finite, the burr's sizes or its axis are none, force or time are not positive, or the cut, the volume
     /// and the structures differ in size. Voxels of label 0 are as hard as cortical bone.
@@ -172,10 +177,9 @@ impl CutVolume {
 
     fn exchange(&mut self, step: &mut journal::Step) {
         for (place, brick) in &mut step.bricks {
-            let place = *place as usize;
-            std::mem::swap(&mut self.bricks.list[place], brick);
-            self.changes.push(self.bricks.bounds(place));
+            std::mem::swap(&mut self.bricks.list[*place as usize], brick);
         }
+        self.changes.push_all(step.bricks.iter().map(|(place, _)| self.bricks.bounds(*place as usize)));
     }
 
     /// Bytes of bricks that undo and redo keep, 64 MiB at first. Beyond that the oldest strokes are forgotten; the latest is
@@ -187,13 +191,15 @@ impl CutVolume {
     /// Makes everything untouched again. Can be undone as a stroke can.
     pub fn reset(&mut self) {
         self.journal.close();
+        let mut changed = Vec::new();
         for (place, brick) in self.bricks.list.iter_mut().enumerate() {
             if brick.is_some() {
                 self.journal.note(place, brick);
                 *brick = None;
+                changed.push(place);
             }
         }
         self.journal.close();
-        self.changes.everything();
+        self.changes.push_all(changed.into_iter().map(|place| self.bricks.bounds(place)));
     }
 }

@@ -144,7 +144,9 @@ fn changed_texels(volume: &Volume, cut: &CutVolume, shown: &ShownVolume, has_col
     if shown.changes.table {
         uploads.push(table_texels(shown));
         // A volume's own colours never change.
-        uploads.extend(own_colours(volume, shown).filter(|_| !has_colours));
+        if !has_colours {
+            uploads.extend(own_colours(volume, shown));
+        }
     }
     uploads
 }
@@ -219,7 +221,7 @@ pub(super) fn bound_volumes(
         let half: Vec3 = volume.grid().half_axes_m().iter().map(|axis| axis.abs()).sum();
         let bounds = Aabb { center: Vec3::ZERO.into(), half_extents: half.into() };
         if bounded != Some(&bounds) {
-            commands.entity(entity).insert(bounds);
+            commands.entity(entity).try_insert(bounds);
         }
     }
 }

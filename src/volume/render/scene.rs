@@ -1,7 +1,8 @@
 //! Where the opaque scene changed: there, and only there, rays of a volume may end elsewhere than in the last frame.
 
+use bevy::asset::AssetEventSystems;
 use bevy::camera::primitives::Aabb;
-use bevy::camera::visibility::VisibilitySystems;
+use bevy::camera::visibility::{RenderLayers, VisibilitySystems};
 use bevy::ecs::entity::EntityHashMap;
 use bevy::mesh::skinning::SkinnedMesh;
 use bevy::mesh::{Mesh, Mesh3d};
@@ -11,8 +12,8 @@ use bevy::render::extract_resource::{ExtractResource, ExtractResourcePlugin};
 /// What meshes did since the last frame.
 #[derive(Resource, Clone, Debug, Default, ExtractResource)]
 pub(super) struct SceneChanges {
-    /// Spheres around what moved, came or left, before and after: middle and radius in the world, metres.
-    pub spheres: Vec<(Vec3, f32)>,
+    /// Boxes around what moved, came or left, before and after: from their space to the world, lower and upper corner.
+    pub boxes: Vec<(Mat4, Vec3, Vec3)>,
     /// Something changed whose place is not known.
     pub everywhere: bool,
 }
@@ -23,7 +24,8 @@ pub(super) fn build(app: &mut App) {
         note_changes
             .after(VisibilitySystems::VisibilityPropagate)
             .after(TransformSystems::Propagate)
-            .after(VisibilitySystems::CalculateBounds),
+            .after(VisibilitySystems::CalculateBounds)
+            .after(AssetEventSystems),
     );
 }
 
@@ -33,24 +35,25 @@ type Moved = Or<(
     Changed<InheritedVisibility>,
     Changed<Mesh3d>,
     Changed<Aabb>,
+    Changed<RenderLayers>,
     // A skeleton moves its mesh without touching the entity.
     With<SkinnedMesh>,
 )>;
 
 fn note_changes(
     mut changes: ResMut<SceneChanges>,
-    mut before: Local<EntityHashMap<(Vec3, f32)>>,
+    mut before: Local<EntityHashMap<(Mat4, Vec3, Vec3)>>,
     moved: Query<Placed, (With<Mesh3d>, Moved)>,
     mut removed: RemovedComponents<Mesh3d>,
     mut meshes: MessageReader<AssetEvent<Mesh>>,
 ) {
-    let mut spheres = Vec::new();
+    let mut boxes = Vec::new();
     let mut everywhere = meshes.read().any(|event| matches!(event, AssetEvent::Modified { .. }));
     for entity in removed.read() {
-        spheres.extend(before.remove(&entity));
+        boxes.extend(before.remove(&entity));
     }
     for (entity, transform, visible, bounds) in &moved {
-        spheres.extend(before.remove(&entity));
+        boxes.extend(before.remove(&entity));
         if !visible.get() {
             continue;
         }
@@ -59,10 +62,10 @@ fn note_changes(
             everywhere = true;
             continue;
         };
-        let sphere = (transform.transform_point(bounds.center.into()), transform.radius_vec3a(bounds.half_extents));
-        before.insert(entity, sphere);
-        spheres.push(sphere);
+        let placed = (transform.to_matrix(), bounds.min().into(), bounds.max().into());
+        before.insert(entity, placed);
+        boxes.push(placed);
     }
     // The order of the query does not matter: only a box around all of them is used.
-    *changes = SceneChanges { spheres, everywhere };
+    *changes = SceneChanges { boxes, everywhere };
 }

@@ -125,7 +125,7 @@ pub(super) fn follow_changes(
             // No two of them ever have the same revision.
             *born += 1;
             let revision = *born << 32;
-            commands.entity(entity).insert(ShownVolume::new(id, volume, &cut, &transfer, step_m, revision));
+            commands.entity(entity).try_insert(ShownVolume::new(id, volume, &cut, &transfer, step_m, revision));
             continue;
         };
         let mut changes = ShownChanges::default();

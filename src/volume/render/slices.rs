@@ -8,7 +8,7 @@ use bevy::render::renderer::RenderDevice;
 use bevy::render::view::ExtractedView;
 
 /// Most slices of a volume.
-const MAX_SLICES: i32 = 4096;
+const MAX_SLICES: i32 = 8192;
 
 /// Corners of the slices as triangles, far slices first: position in the world, and the slice's number.
 pub(super) fn buffer(

@@ -263,17 +263,33 @@ impl Seen {
             return URect::EMPTY;
         }
         let clip_from_space = self.clip_from_world * world_from_space;
-        let (mut least, mut most) = (Vec2::INFINITY, Vec2::NEG_INFINITY);
-        for corner in 0..8 {
+        let corners: [Vec4; 8] = std::array::from_fn(|corner| {
             let side = |axis: usize| if corner >> axis & 1 == 0 { low[axis] } else { high[axis] };
-            let clip = clip_from_space * Vec4::new(side(0), side(1), side(2), 1.0);
-            // A corner behind the eye can appear anywhere.
-            if clip.w <= 1e-6 || !clip.is_finite() {
-                return self.all();
-            }
+            clip_from_space * Vec4::new(side(0), side(1), side(2), 1.0)
+        });
+        if !corners.iter().all(|corner| corner.is_finite()) {
+            return self.all();
+        }
+        // What lies behind the eye is cut off a little before it.
+        const BEFORE: f32 = 1e-4;
+        let (mut least, mut most) = (Vec2::INFINITY, Vec2::NEG_INFINITY);
+        let mut cover = |clip: Vec4| {
             let ndc = Vec2::new(clip.x, -clip.y) / clip.w;
-            least = least.min(ndc);
-            most = most.max(ndc);
+            (least, most) = (least.min(ndc), most.max(ndc));
+        };
+        for (place, corner) in corners.iter().enumerate() {
+            if corner.w >= BEFORE {
+                cover(*corner);
+            }
+            for axis in 0..3 {
+                let other = corners[place | 1 << axis];
+                if (corner.w < BEFORE) != (other.w < BEFORE) {
+                    cover(corner.lerp(other, (BEFORE - corner.w) / (other.w - corner.w)));
+                }
+            }
+        }
+        if least.cmpgt(most).any() {
+            return URect::EMPTY;
         }
         let size = self.size.as_vec2();
         let pixel = |ndc: Vec2| (ndc * 0.5 + 0.5) * size;
@@ -346,9 +362,9 @@ impl VolumeView {
             if changes.everywhere {
                 walk = self.seen;
             }
-            for &(middle, radius) in &changes.spheres {
-                let sphere = view.of_box(Mat4::IDENTITY, middle - radius, middle + radius);
-                walk = united(walk, sphere.intersect(self.seen));
+            for &(world_from_mesh, low, high) in &changes.boxes {
+                let moved = view.of_box(world_from_mesh, low, high);
+                walk = united(walk, moved.intersect(self.seen));
             }
             // What was cut or restored may lie beyond what is seen now.
             walk = walk.intersect(view.all());
