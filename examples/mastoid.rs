@@ -25,12 +25,17 @@ use bevy::camera::visibility::RenderLayers;
 use bevy::prelude::*;
 use bevy_panorbit_camera::{PanOrbitCamera, PanOrbitCameraPlugin};
 use bevy_surgery::prelude::*;
-use bevy_surgery::volume::{CtVolume, CutVolume, RemovedTissue, Volume, WatchCritical};
+use bevy_surgery::volume::{CtVolume, CutVolume, RemovedTissue, Volume, VolumeLook, WatchCritical, WetShading};
 use common::{Args, Chosen, Script, Stage, Viewer};
+use drill::Danger;
 use std::process::ExitCode;
 
-/// By how much the mastoid of the real temporal bone is turned towards the microscope.
+/// By how much the real temporal bone is turned, and moved, so that its mastoid faces the microscope.
 const MASTOID_TURN_RAD: f32 = 0.45;
+const MASTOID_MOVE_M: Vec3 = Vec3::new(0.009, 0.0045, 0.0);
+
+/// Shines from the upper right, so that the shadow of a drill in the right hand falls beside it.
+const LAMP: MicroscopeLamp = MicroscopeLamp { offset_m: Vec2::new(0.024, 0.026) };
 
 /// The bone that is drilled.
 #[derive(Component)]
@@ -66,17 +71,19 @@ fn main() -> ExitCode {
 fn setup(mut commands: Commands, args: Res<Args>, stage: Res<Stage>, mut volumes: ResMut<Assets<Volume>>) -> Result {
     // The farthest warning, 2 mm from the surface of a burr, is given 5 mm from its middle.
     let mut patient = commands.spawn((Patient, WatchCritical { band_mm: 6.0 }));
-    let facing = match common::volume(&args, &mut patient, &mut volumes)? {
-        // A right ear as well. Its outer side is at -Y and the top of the head at -Z, the back of the head at +X; turned a
-        // little further, the mastoid behind the ear canal lies in the middle.
-        Chosen::TemporalBone => {
-            Quat::from_rotation_y(MASTOID_TURN_RAD)
-                * Quat::from_mat3(&Mat3::from_cols(Vec3::NEG_X, Vec3::NEG_Z, Vec3::NEG_Y))
-        }
+    let placed = match common::volume(&args, &mut patient, &mut volumes)? {
         // The phantom and patients face +Z.
-        Chosen::Phantom | Chosen::Given => Quat::IDENTITY,
+        Chosen::Phantom | Chosen::Given => Transform::IDENTITY,
+        // A right ear as well. Its outer side is at -Y, the top of the head at -Z, the back of the head at +X.
+        Chosen::TemporalBone => {
+            let upright = Quat::from_mat3(&Mat3::from_cols(Vec3::NEG_X, Vec3::NEG_Z, Vec3::NEG_Y));
+            let turned = Quat::from_rotation_y(MASTOID_TURN_RAD) * upright;
+            Transform::from_translation(MASTOID_MOVE_M).with_rotation(turned)
+        }
     };
-    patient.insert(Transform::from_rotation(facing));
+    // It is irrigated while it is drilled: the lamp is seen in the water on it.
+    let wet = WetShading { shine: 3.0, shine_exponent: 150.0, ..default() };
+    patient.insert((placed, VolumeLook { wet, ..default() }));
     let microscope = commands.spawn((
         Microscope::default(),
         // The drill's own light is on layer 1, so that it does not light the bone a second time.
@@ -85,7 +92,7 @@ fn setup(mut commands: Commands, args: Res<Args>, stage: Res<Stage>, mut volumes
         Transform::from_xyz(0.0, 0.0, Microscope::default().working_distance_m),
         // On both layers, because the drill casts its shadow from here.
         children![
-            (MicroscopeLamp::default(), RenderLayers::from_layers(&[0, 1])),
+            (LAMP, RenderLayers::from_layers(&[0, 1])),
             (
                 PointLight { intensity: 9000.0, range: 2.0, ..default() },
                 Transform::from_xyz(-0.1, 0.12, 0.0),
@@ -118,15 +125,16 @@ fn look_at_volume(
 ) {
     let Some((source, place)) = arrived.iter().next() else { return };
     let Some(volume) = volumes.get(&source.0) else { return };
-    let half_m: Vec3 = volume.grid().half_axes_m().iter().map(|axis| (place.rotation * *axis).abs()).sum();
+    let half_axes_m = volume.grid().half_axes_m();
     let life_size = Microscope::default();
-    let widest_m = 2.0 * half_m.truncate().max_element();
-    let scale = if widest_m < 0.06 { 1.0 } else { 1.25 * widest_m / life_size.field_m() };
+    let longest_m = half_axes_m.iter().fold(0.0_f32, |longest, half| longest.max(2.0 * half.length()));
+    let scale = if longest_m < 0.06 { 1.0 } else { 1.25 * longest_m / life_size.field_m() };
+    let half_depth_m: f32 = half_axes_m.iter().map(|half| (place.rotation * *half).z.abs()).sum();
     for (entity, mut microscope, mut transform) in &mut microscopes {
         microscope.working_distance_m = life_size.working_distance_m * scale;
         microscope.field_at_1x_m = life_size.field_at_1x_m * scale;
         // In focus is what lies between the surface and the middle.
-        transform.translation = Vec3::Z * (microscope.working_distance_m + 0.5 * half_m.z);
+        transform.translation = Vec3::Z * (microscope.working_distance_m + 0.5 * half_depth_m);
         if stage.viewer == Viewer::Person && args.script == Script::None {
             commands.entity(entity).insert(PanOrbitCamera {
                 button_orbit: MouseButton::Right,
@@ -138,7 +146,7 @@ fn look_at_volume(
         }
     }
     for (mut lamp, mut light) in &mut lamps {
-        lamp.offset_m = MicroscopeLamp::default().offset_m * scale;
+        lamp.offset_m = LAMP.offset_m * scale;
         light.intensity_cd *= scale * scale;
     }
 }
@@ -154,6 +162,7 @@ fn count(world: &mut World) -> serde_json::Map<String, serde_json::Value> {
     let mut counters = serde_json::Map::new();
     let fixed = world.resource::<Time<Fixed>>();
     counters.insert("steps".into(), ((fixed.elapsed().as_nanos() / fixed.timestep().as_nanos()) as u64).into());
+    let closest = world.resource::<Danger>().closest;
     let mut patients = world.query_filtered::<(&CtVolume, &RemovedTissue), With<Patient>>();
     for (source, removed) in patients.iter(world) {
         let Some(volume) = world.resource::<Assets<Volume>>().get(&source.0) else { continue };
@@ -166,6 +175,8 @@ fn count(world: &mut World) -> serde_json::Map<String, serde_json::Value> {
             (mm3 > 0.0).then(|| (structure.name.clone(), mm3.into()))
         });
         counters.insert("removed_mm3_by_structure".into(), serde_json::Value::Object(by_structure.collect()));
+        let closest = closest.and_then(|(label, mm)| Some((&structures.of_label(label)?.name, mm)));
+        counters.insert("closest_critical_mm".into(), serde_json::json!(closest));
     }
     counters
 }

@@ -16,7 +16,7 @@ pub const SHADINGS: [(&str, bool, SmoothedNormals); 4] = [
 /// Shades a volume in one of the four ways.
 pub fn shade(look: &mut VolumeLook, number: usize) {
     let (_, is_shaded, smoothed) = SHADINGS[number % SHADINGS.len()];
-    look.wet = WetShading { is_shaded, smoothed, ..default() };
+    look.wet = WetShading { is_shaded, smoothed, ..look.wet };
 }
 
 pub fn build(app: &mut App) {

@@ -21,7 +21,7 @@ use bevy_surgery::volume::{CtVolume, RemovedTissue, Volume};
 pub struct Notice(pub String);
 
 /// Most structures that are listed.
-const ROWS: usize = 14;
+const ROWS: usize = 20;
 /// Least and greatest width of the panel, pixels.
 const WIDTHS_PX: [u32; 2] = [200, 320];
 /// Height of the panel over a pair of pictures, as a share of the frame's.
@@ -69,7 +69,7 @@ fn spawn_panel(mut commands: Commands, stage: Res<Stage>) {
     let camera =
         commands.spawn((PanelCamera, Camera2d, camera, Msaa::Off, RenderLayers::none(), stage.target.clone())).id();
     let line = |line| {
-        let font = TextFont { font_size: FontSize::Px(12.0), ..default() };
+        let font = TextFont { font_size: FontSize::Px(11.0), ..default() };
         (line, Text::default(), font, TextColor(PLAIN))
     };
     commands
@@ -179,10 +179,12 @@ fn write_lines(
                 (said, colour)
             }
             Line::Structure(row) => match rows.get(row) {
-                Some((structure, mm3)) => (
-                    format!("{}\n{mm3:.1} mm3", structure.name),
-                    if structure.is_critical && *mm3 > 0.0 { ALARM } else { PLAIN },
-                ),
+                Some((structure, mm3)) if *mm3 > 0.0 => {
+                    let colour = if structure.is_critical { ALARM } else { PLAIN };
+                    let lost = if *mm3 < 0.05 { "a trace".into() } else { format!("{mm3:.1} mm3") };
+                    (format!("{}\n{lost}", structure.name), colour)
+                }
+                Some((structure, _)) => (structure.name.clone(), PLAIN),
                 None => (String::new(), PLAIN),
             },
             Line::Notice => (notice.0.clone(), PLAIN),
