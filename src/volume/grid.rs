@@ -33,7 +33,7 @@ impl VolumeGrid {
 
     /// Voxel coordinates to the volume's own space in metres.
     pub fn volume_from_voxel(&self) -> Affine3A {
-        let matrix = Self::LPS_FROM_BEVY.transpose() * DMat3::from(self.lps_mm_from_voxel.matrix3) * 1e-3;
+        let matrix = Self::LPS_FROM_BEVY.transpose() * self.lps_mm_from_voxel.matrix3 * 1e-3;
         let middle = (self.size.as_dvec3() - 1.0) * 0.5;
         DAffine3::from_mat3_translation(matrix, -(matrix * middle)).as_affine3a()
     }

@@ -42,7 +42,7 @@ pub struct WetShading {
     pub passes: u32,
     /// Difference in depth, in voxels, from which on a neighbour does not count. Edges higher than this stay sharp.
     pub edge_voxels: f32,
-    /// Strength of the reflections: 0 is dry, 1 a film of water.
+    /// Strength of the reflections: 0 is dry, 1 a film of water that is even; more suits a film that is not.
     pub shine: f32,
     /// Blinn-Phong exponent of the reflections.
     pub shine_exponent: f32,
@@ -55,8 +55,8 @@ impl Default for WetShading {
             smoothed: SmoothedNormals::Reflections,
             passes: 4,
             edge_voxels: 4.0,
-            shine: 1.0,
-            shine_exponent: 60.0,
+            shine: 1.6,
+            shine_exponent: 140.0,
         }
     }
 }

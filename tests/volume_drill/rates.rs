@@ -119,20 +119,28 @@ fn volume_is_proportional_to_force_speed_and_time_and_inverse_to_hardness() {
 
 #[test]
 fn structures_add_up_to_what_left_the_volume() {
-    let phantom = Phantom::block(96);
-    let mut cut = phantom.cut();
-    let path = |t: f64| DVec3::new(-8.0 + 16.0 * t, 11.0 - 3.0 * t, 2.0);
-    let removal = phantom.follow(&mut cut, ball(3.4), 20.0, 60, 1.0, path);
-    let mut by_label = [0.0; 3];
-    for ((remaining, &solid), &label) in
-        all_of(&cut).into_iter().zip(phantom.structures.solid()).zip(phantom.structures.labels())
-    {
-        by_label[usize::from(label)] += (1.0 - f64::from(remaining)) * f64::from(solid) / 255.0;
-    }
-    assert_eq!(removal.by_label_mm3.iter().map(|(label, _)| *label).collect::<Vec<_>>(), [SHELL.0, CORE.0]);
-    for (label, mm3) in removal.by_label_mm3 {
-        let expected = by_label[usize::from(label)] * phantom.grid().voxel_mm3();
-        assert!(mm3 > 1.0 && (mm3 / expected - 1.0).abs() < 1e-4, "label {label}: {mm3} mm3, not {expected}");
+    // A block with a shell, and sheets thinner than the rows that are worked on at once.
+    let grid = VolumeGrid::upright(UVec3::splat(93), DVec3::splat(0.25));
+    let sheets = Phantom::new(grid, |voxel| (200, if voxel.x % 8 == 3 { SHELL.0 } else { CORE.0 }));
+    for (phantom, force_n) in [(Phantom::block(96), 20.0), (sheets, 5.0)] {
+        let mut cut = phantom.cut();
+        let path = |t: f64| DVec3::new(-8.0 + 16.0 * t, 11.0 - 3.0 * t, 2.0);
+        let burr = ball(3.4);
+        let removal = phantom.follow(&mut cut, burr, force_n, 60, 1.0, path);
+        let mut by_label = [0.0; 3];
+        for ((remaining, &solid), &label) in
+            all_of(&cut).into_iter().zip(phantom.structures.solid()).zip(phantom.structures.labels())
+        {
+            by_label[usize::from(label)] += (1.0 - f64::from(remaining)) * f64::from(solid) / 255.0;
+        }
+        assert_eq!(removal.by_label_mm3.iter().map(|(label, _)| *label).collect::<Vec<_>>(), [SHELL.0, CORE.0]);
+        let mut cost = 0.0;
+        for (label, mm3) in removal.by_label_mm3 {
+            let expected = by_label[usize::from(label)] * phantom.grid().voxel_mm3();
+            assert!(mm3 > 0.5 && (mm3 / expected - 1.0).abs() < 1e-4, "label {label}: {mm3} mm3, not {expected}");
+            cost += mm3 * f64::from([0.0, SHELL.1, CORE.1][usize::from(label)]);
+        }
+        assert!(cost < burr.cortical_mm3_per_s(force_n, SPEED_RPM) * 1.0002, "{cost}");
     }
 }
 
