@@ -25,7 +25,7 @@ use bevy::camera::visibility::RenderLayers;
 use bevy::prelude::*;
 use bevy_panorbit_camera::{PanOrbitCamera, PanOrbitCameraPlugin};
 use bevy_surgery::prelude::*;
-use bevy_surgery::volume::{CtVolume, CutVolume, RemovedTissue, Volume, VolumeLook, WatchCritical, WetShading};
+use bevy_surgery::volume::{CtVolume, CutVolume, RemovedTissue, Volume, WatchCritical};
 use common::{Args, Chosen, Script, Stage, Viewer};
 use drill::Danger;
 use std::process::ExitCode;
@@ -37,9 +37,16 @@ const MASTOID_MOVE_M: Vec3 = Vec3::new(0.009, 0.0045, 0.0);
 /// Shines from the upper right, so that the shadow of a drill in the right hand falls beside it.
 const LAMP: MicroscopeLamp = MicroscopeLamp { offset_m: Vec2::new(0.024, 0.026) };
 
+/// Its intensity for a bone at life size.
+const LIGHT_CD: f32 = 222.0;
+
 /// The bone that is drilled.
 #[derive(Component)]
 struct Patient;
+
+/// The microscope is set up for a volume that has arrived.
+#[derive(SystemSet, Clone, Debug, PartialEq, Eq, Hash)]
+struct LookAtVolume;
 
 fn main() -> ExitCode {
     common::main_with(
@@ -49,7 +56,7 @@ fn main() -> ExitCode {
             drill::build(app);
             tool::build(app);
             panel::build(app);
-            app.add_systems(Startup, setup).add_systems(Update, look_at_volume);
+            app.add_systems(Startup, setup).add_systems(Update, look_at_volume.in_set(LookAtVolume));
             let (args, viewer) = (app.world().resource::<Args>().clone(), app.world().resource::<Stage>().viewer);
             match (args.figure, args.script, viewer) {
                 (Some(_), ..) => figure::build(app),
@@ -81,9 +88,7 @@ fn setup(mut commands: Commands, args: Res<Args>, stage: Res<Stage>, mut volumes
             Transform::from_translation(MASTOID_MOVE_M).with_rotation(turned)
         }
     };
-    // It is irrigated while it is drilled: the lamp is seen in the water on it.
-    let wet = WetShading { shine: 3.0, shine_exponent: 150.0, ..default() };
-    patient.insert((placed, VolumeLook { wet, ..default() }));
+    patient.insert(placed);
     let microscope = commands.spawn((
         Microscope::default(),
         // The drill's own light is on layer 1, so that it does not light the bone a second time.
@@ -116,25 +121,29 @@ fn setup(mut commands: Commands, args: Res<Args>, stage: Res<Stage>, mut volumes
 /// Sets the microscope up for a volume that has arrived: a bone is seen at life size, a whole head whole.
 fn look_at_volume(
     mut commands: Commands,
-    arrived: Query<(&CtVolume, &Transform), (Added<CutVolume>, Without<Microscope>)>,
+    mut arrived: Query<(&CtVolume, &mut Transform), (Added<CutVolume>, Without<Microscope>)>,
     volumes: Res<Assets<Volume>>,
     stage: Res<Stage>,
     args: Res<Args>,
     mut microscopes: Query<(Entity, &mut Microscope, &mut Transform)>,
     mut lamps: Query<(&mut MicroscopeLamp, &mut ScopeLight)>,
 ) {
-    let Some((source, place)) = arrived.iter().next() else { return };
+    let Some((source, mut place)) = arrived.iter_mut().next() else { return };
     let Some(volume) = volumes.get(&source.0) else { return };
     let half_axes_m = volume.grid().half_axes_m();
+    let half_m: Vec3 = half_axes_m.iter().map(|half| (place.rotation * *half).abs()).sum();
+    // Of a few slices of a body one sees more from above.
+    if half_m.y < 0.4 * half_m.x.min(half_m.z) {
+        place.rotate_x(1.0);
+    }
     let life_size = Microscope::default();
     let longest_m = half_axes_m.iter().fold(0.0_f32, |longest, half| longest.max(2.0 * half.length()));
     let scale = if longest_m < 0.06 { 1.0 } else { 1.25 * longest_m / life_size.field_m() };
-    let half_depth_m: f32 = half_axes_m.iter().map(|half| (place.rotation * *half).z.abs()).sum();
     for (entity, mut microscope, mut transform) in &mut microscopes {
         microscope.working_distance_m = life_size.working_distance_m * scale;
         microscope.field_at_1x_m = life_size.field_at_1x_m * scale;
         // In focus is what lies between the surface and the middle.
-        transform.translation = Vec3::Z * (microscope.working_distance_m + 0.5 * half_depth_m);
+        transform.translation = Vec3::Z * (microscope.working_distance_m + 0.5 * half_m.z);
         if stage.viewer == Viewer::Person && args.script == Script::None {
             commands.entity(entity).insert(PanOrbitCamera {
                 button_orbit: MouseButton::Right,
@@ -147,7 +156,7 @@ fn look_at_volume(
     }
     for (mut lamp, mut light) in &mut lamps {
         lamp.offset_m = LAMP.offset_m * scale;
-        light.intensity_cd *= scale * scale;
+        light.intensity_cd = LIGHT_CD * scale * scale;
     }
 }
 

@@ -108,11 +108,10 @@ fn spawn_panel(mut commands: Commands, stage: Res<Stage>) {
 /// Gives the panel a strip of the frame and the microscope the rest; a pair of pictures takes the whole frame itself, and the
 /// panel what is left over them.
 fn lay_out(
-    mut microscopes: Query<(&mut Camera, &mut ScopeMask, Has<StereoPair>), (With<Microscope>, Without<PanelCamera>)>,
+    mut microscopes: Query<(&mut Camera, Has<StereoPair>), (With<Microscope>, Without<PanelCamera>)>,
     mut panels: Query<&mut Camera, With<PanelCamera>>,
 ) {
-    let (Some((mut scope, mut mask, is_pair)), Some(mut panel)) =
-        (microscopes.iter_mut().next(), panels.iter_mut().next())
+    let (Some((mut scope, is_pair)), Some(mut panel)) = (microscopes.iter_mut().next(), panels.iter_mut().next())
     else {
         return;
     };
@@ -121,10 +120,6 @@ fn lay_out(
         Some(Viewport { physical_position: corner, physical_size: size.max(UVec2::ONE), ..default() })
     };
     let (strip, rest) = if is_pair {
-        let half = UVec2::new(size.x / 2, size.y);
-        // The circle fits into half the frame.
-        let radius = 0.98 * (half.x as f32 / half.y as f32).min(1.0);
-        mask.set_if_neq(ScopeMask { radius, ..mask.clone() });
         (part(UVec2::ZERO, UVec2::new(size.x, (STEREO_SHARE * size.y as f32) as u32)), None)
     } else {
         let width = size.x.saturating_sub(size.y).clamp(WIDTHS_PX[0], WIDTHS_PX[1]).min(size.x / 2);
