@@ -27,14 +27,26 @@ use bevy_panorbit_camera::{PanOrbitCamera, PanOrbitCameraPlugin};
 use bevy_surgery::prelude::*;
 use bevy_surgery::volume::{CtVolume, CutVolume, RemovedTissue, Volume, WatchCritical};
 use common::{Args, Chosen, Script, Stage, Viewer};
+use drill::Danger;
 use std::process::ExitCode;
 
-/// By how much the mastoid of the real temporal bone is turned towards the microscope.
+/// By how much the real temporal bone is turned, and moved, so that its mastoid faces the microscope.
 const MASTOID_TURN_RAD: f32 = 0.45;
+const MASTOID_MOVE_M: Vec3 = Vec3::new(0.009, 0.0045, 0.0);
+
+/// Shines from the upper right, so that the shadow of a drill in the right hand falls beside it.
+const LAMP: MicroscopeLamp = MicroscopeLamp { offset_m: Vec2::new(0.024, 0.026) };
+
+/// Its intensity for a bone at life size.
+const LIGHT_CD: f32 = 222.0;
 
 /// The bone that is drilled.
 #[derive(Component)]
 struct Patient;
+
+/// The microscope is set up for a volume that has arrived.
+#[derive(SystemSet, Clone, Debug, PartialEq, Eq, Hash)]
+struct LookAtVolume;
 
 fn main() -> ExitCode {
     common::main_with(
@@ -44,7 +56,7 @@ fn main() -> ExitCode {
             drill::build(app);
             tool::build(app);
             panel::build(app);
-            app.add_systems(Startup, setup).add_systems(Update, look_at_volume);
+            app.add_systems(Startup, setup).add_systems(Update, look_at_volume.in_set(LookAtVolume));
             let (args, viewer) = (app.world().resource::<Args>().clone(), app.world().resource::<Stage>().viewer);
             match (args.figure, args.script, viewer) {
                 (Some(_), ..) => figure::build(app),
@@ -66,17 +78,17 @@ fn main() -> ExitCode {
 fn setup(mut commands: Commands, args: Res<Args>, stage: Res<Stage>, mut volumes: ResMut<Assets<Volume>>) -> Result {
     // The farthest warning, 2 mm from the surface of a burr, is given 5 mm from its middle.
     let mut patient = commands.spawn((Patient, WatchCritical { band_mm: 6.0 }));
-    let facing = match common::volume(&args, &mut patient, &mut volumes)? {
-        // A right ear as well. Its outer side is at -Y and the top of the head at -Z, the back of the head at +X; turned a
-        // little further, the mastoid behind the ear canal lies in the middle.
-        Chosen::TemporalBone => {
-            Quat::from_rotation_y(MASTOID_TURN_RAD)
-                * Quat::from_mat3(&Mat3::from_cols(Vec3::NEG_X, Vec3::NEG_Z, Vec3::NEG_Y))
-        }
+    let placed = match common::volume(&args, &mut patient, &mut volumes)? {
         // The phantom and patients face +Z.
-        Chosen::Phantom | Chosen::Given => Quat::IDENTITY,
+        Chosen::Phantom | Chosen::Given => Transform::IDENTITY,
+        // A right ear as well. Its outer side is at -Y, the top of the head at -Z, the back of the head at +X.
+        Chosen::TemporalBone => {
+            let upright = Quat::from_mat3(&Mat3::from_cols(Vec3::NEG_X, Vec3::NEG_Z, Vec3::NEG_Y));
+            let turned = Quat::from_rotation_y(MASTOID_TURN_RAD) * upright;
+            Transform::from_translation(MASTOID_MOVE_M).with_rotation(turned)
+        }
     };
-    patient.insert(Transform::from_rotation(facing));
+    patient.insert(placed);
     let microscope = commands.spawn((
         Microscope::default(),
         // The drill's own light is on layer 1, so that it does not light the bone a second time.
@@ -85,7 +97,7 @@ fn setup(mut commands: Commands, args: Res<Args>, stage: Res<Stage>, mut volumes
         Transform::from_xyz(0.0, 0.0, Microscope::default().working_distance_m),
         // On both layers, because the drill casts its shadow from here.
         children![
-            (MicroscopeLamp::default(), RenderLayers::from_layers(&[0, 1])),
+            (LAMP, RenderLayers::from_layers(&[0, 1])),
             (
                 PointLight { intensity: 9000.0, range: 2.0, ..default() },
                 Transform::from_xyz(-0.1, 0.12, 0.0),
@@ -109,19 +121,24 @@ fn setup(mut commands: Commands, args: Res<Args>, stage: Res<Stage>, mut volumes
 /// Sets the microscope up for a volume that has arrived: a bone is seen at life size, a whole head whole.
 fn look_at_volume(
     mut commands: Commands,
-    arrived: Query<(&CtVolume, &Transform), (Added<CutVolume>, Without<Microscope>)>,
+    mut arrived: Query<(&CtVolume, &mut Transform), (Added<CutVolume>, Without<Microscope>)>,
     volumes: Res<Assets<Volume>>,
     stage: Res<Stage>,
     args: Res<Args>,
     mut microscopes: Query<(Entity, &mut Microscope, &mut Transform)>,
     mut lamps: Query<(&mut MicroscopeLamp, &mut ScopeLight)>,
 ) {
-    let Some((source, place)) = arrived.iter().next() else { return };
+    let Some((source, mut place)) = arrived.iter_mut().next() else { return };
     let Some(volume) = volumes.get(&source.0) else { return };
-    let half_m: Vec3 = volume.grid().half_axes_m().iter().map(|axis| (place.rotation * *axis).abs()).sum();
+    let half_axes_m = volume.grid().half_axes_m();
+    let half_m: Vec3 = half_axes_m.iter().map(|half| (place.rotation * *half).abs()).sum();
+    // Of a few slices of a body one sees more from above.
+    if half_m.y < 0.4 * half_m.x.min(half_m.z) {
+        place.rotate_x(1.0);
+    }
     let life_size = Microscope::default();
-    let widest_m = 2.0 * half_m.truncate().max_element();
-    let scale = if widest_m < 0.06 { 1.0 } else { 1.25 * widest_m / life_size.field_m() };
+    let longest_m = half_axes_m.iter().fold(0.0_f32, |longest, half| longest.max(2.0 * half.length()));
+    let scale = if longest_m < 0.06 { 1.0 } else { 1.25 * longest_m / life_size.field_m() };
     for (entity, mut microscope, mut transform) in &mut microscopes {
         microscope.working_distance_m = life_size.working_distance_m * scale;
         microscope.field_at_1x_m = life_size.field_at_1x_m * scale;
@@ -138,8 +155,8 @@ fn look_at_volume(
         }
     }
     for (mut lamp, mut light) in &mut lamps {
-        lamp.offset_m = MicroscopeLamp::default().offset_m * scale;
-        light.intensity_cd *= scale * scale;
+        lamp.offset_m = LAMP.offset_m * scale;
+        light.intensity_cd = LIGHT_CD * scale * scale;
     }
 }
 
@@ -154,6 +171,7 @@ fn count(world: &mut World) -> serde_json::Map<String, serde_json::Value> {
     let mut counters = serde_json::Map::new();
     let fixed = world.resource::<Time<Fixed>>();
     counters.insert("steps".into(), ((fixed.elapsed().as_nanos() / fixed.timestep().as_nanos()) as u64).into());
+    let closest = world.resource::<Danger>().closest;
     let mut patients = world.query_filtered::<(&CtVolume, &RemovedTissue), With<Patient>>();
     for (source, removed) in patients.iter(world) {
         let Some(volume) = world.resource::<Assets<Volume>>().get(&source.0) else { continue };
@@ -166,6 +184,8 @@ fn count(world: &mut World) -> serde_json::Map<String, serde_json::Value> {
             (mm3 > 0.0).then(|| (structure.name.clone(), mm3.into()))
         });
         counters.insert("removed_mm3_by_structure".into(), serde_json::Value::Object(by_structure.collect()));
+        let closest = closest.and_then(|(label, mm)| Some((&structures.of_label(label)?.name, mm)));
+        counters.insert("closest_critical_mm".into(), serde_json::json!(closest));
     }
     counters
 }

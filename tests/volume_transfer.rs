@@ -65,7 +65,15 @@ fn every_volume_gets_the_function_that_suits_it() {
     assert_eq!(for_volume(Voxels::Rgba(vec![[1; 4]; 2])), TransferFunction::labelled());
     assert_eq!(for_volume(Voxels::I16(vec![-1000, 2000])), TransferFunction::bone());
     assert_eq!(for_volume(Voxels::F32(vec![0.0, 0.99])), TransferFunction::head());
-    assert_eq!(for_volume(Voxels::U16(vec![0, 1300])), TransferFunction::default());
+    let bright = of(Voxels::U16(vec![0, 1300]));
+    let surface = TransferFunction::for_volume(&bright);
+    assert_eq!(surface, TransferFunction::surface(&Thresholds::otsu(&bright).solid));
+    let table = surface.bake(bright.range(), 1e-3);
+    assert_eq!(
+        (table.entry(0.0)[3], table.entry(1.0)[3]),
+        (0.0, 1.0),
+        "the darker voxel is empty, the brighter one is not"
+    );
     assert_eq!(for_volume(Voxels::U8(vec![7, 7])), TransferFunction::default());
 
     let ct = of(Voxels::I16(vec![-1000, 2000]));

@@ -18,45 +18,17 @@ struct Act {
     windings: f32,
 }
 
-/// A wide saucer, the cells beneath it, then the walls with diamond grit.
+/// A wide saucer through the cortex, the cells beneath it, deeper towards the ear canal, then the walls with diamond grit.
 const ACTS: [Act; 4] = [
-    Act {
-        steps: (15, 300),
-        kind: BurrKind::Cutting,
-        diameter_m: 6e-3,
-        force_n: 5.0,
-        middle: Vec2::ZERO,
-        radius: 0.3,
-        windings: 5.0,
-    },
-    Act {
-        steps: (310, 470),
-        kind: BurrKind::Cutting,
-        diameter_m: 4e-3,
-        force_n: 4.0,
-        middle: Vec2::new(0.05, 0.04),
-        radius: 0.2,
-        windings: 4.0,
-    },
-    Act {
-        steps: (480, 570),
-        kind: BurrKind::Cutting,
-        diameter_m: 4e-3,
-        force_n: 4.0,
-        middle: Vec2::new(0.08, 0.06),
-        radius: 0.12,
-        windings: 3.0,
-    },
-    Act {
-        steps: (580, 630),
-        kind: BurrKind::Diamond,
-        diameter_m: 3e-3,
-        force_n: 2.0,
-        middle: Vec2::new(0.1, 0.06),
-        radius: 0.1,
-        windings: 2.0,
-    },
+    cutting((15, 290), 6e-3, 5.0, Vec2::new(-0.02, 0.02), 0.25, 9.0),
+    cutting((290, 420), 6e-3, 5.0, Vec2::new(0.0, 0.03), 0.2, 5.0),
+    cutting((430, 560), 4e-3, 4.0, Vec2::new(0.04, 0.05), 0.2, 5.0),
+    Act { kind: BurrKind::Diamond, ..cutting((570, 625), 3e-3, 2.0, Vec2::new(0.06, 0.05), 0.2, 2.0) },
 ];
+
+const fn cutting(steps: (u32, u32), diameter_m: f32, force_n: f32, middle: Vec2, radius: f32, windings: f32) -> Act {
+    Act { steps, kind: BurrKind::Cutting, diameter_m, force_n, middle, radius, windings }
+}
 
 const SPEED_RPM: f32 = 80_000.0;
 

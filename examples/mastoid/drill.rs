@@ -50,6 +50,8 @@ impl Aim {
 pub struct Danger {
     /// Its label and the distance from the burr's surface, millimetres; none if there is none nearby.
     pub nearest: Option<(u8, f32)>,
+    /// The nearest of all so far.
+    pub closest: Option<(u8, f32)>,
     /// Steps for which the panel still says that one was hurt.
     pub alarm_steps: u32,
 }
@@ -122,7 +124,7 @@ fn watch(
     patients: Query<(&CtVolume, &CriticalDistances, &GlobalTransform), With<Patient>>,
     volumes: Res<Assets<Volume>>,
 ) {
-    let mut now = Danger { nearest: None, alarm_steps: danger.alarm_steps.saturating_sub(1) };
+    let mut now = Danger { nearest: None, alarm_steps: danger.alarm_steps.saturating_sub(1), ..*danger };
     for (source, distances, transform) in &patients {
         let Some(volume) = volumes.get(&source.0) else { continue };
         let is_critical = |label| {
@@ -144,6 +146,7 @@ fn watch(
         let balls = [-1.0, 0.0, 1.0].map(|side| pose.centre_m + pose.axis * (side * reach_m));
         let nearest = balls.iter().filter_map(|ball| distances.nearest(voxel_from_world.transform_point3(*ball)));
         now.nearest = nearest.min_by(|a, b| a.1.total_cmp(&b.1)).map(|(label, mm)| (label, mm - radius_m * 1e3));
+        now.closest = now.nearest.into_iter().chain(now.closest).min_by(|a, b| a.1.total_cmp(&b.1));
     }
     danger.set_if_neq(now);
 }

@@ -1,9 +1,11 @@
-//! Figure 7 of the paper of 2009: one bone, shaded in four ways.
+//! Figure 7 of the paper of 2009: one drilled bone, shaded in four ways.
 
 use crate::common::Pictures;
+use crate::{LAMP, LIGHT_CD, LookAtVolume, Patient};
 use bevy::prelude::*;
 use bevy_surgery::prelude::*;
-use bevy_surgery::volume::{SmoothedNormals, VolumeLook, WetShading};
+use bevy_surgery::volume::cut::{Burr, BurrPose, BurrStroke};
+use bevy_surgery::volume::{CtVolume, CutVolume, PickedVolume, SmoothedNormals, Volume, VolumeLook, WetShading};
 
 /// The name of each picture, and how it is shaded.
 pub const SHADINGS: [(&str, bool, SmoothedNormals); 4] = [
@@ -13,15 +15,71 @@ pub const SHADINGS: [(&str, bool, SmoothedNormals); 4] = [
     ("fig7-d", false, SmoothedNormals::None),
 ];
 
+/// Where the bone is drilled, as shares of the volume's half width and height, and how wide and deep, metres.
+const AT: Vec2 = Vec2::new(0.02, 0.04);
+const WIDTH_M: f32 = 7e-3;
+const DEPTH_M: f32 = 6e-3;
+/// Steps of drilling, of a sixtieth of a second.
+const STEPS: u32 = 900;
+/// The step of the microscope's changer.
+const MAGNIFICATION: usize = 1;
+
 /// Shades a volume in one of the four ways.
 pub fn shade(look: &mut VolumeLook, number: usize) {
     let (_, is_shaded, smoothed) = SHADINGS[number % SHADINGS.len()];
-    look.wet = WetShading { is_shaded, smoothed, ..default() };
+    look.wet = WetShading { is_shaded, smoothed, ..look.wet };
 }
 
 pub fn build(app: &mut App) {
     app.insert_resource(Pictures(SHADINGS.map(|(name, ..)| name.to_string()).into()))
+        .add_systems(Update, drill_cavity.after(LookAtVolume))
         .add_systems(FixedUpdate, shade_next.in_set(SurgerySystems::Sense));
+}
+
+/// Drills a cavity at once, without the ECS, and looks at it from near.
+fn drill_cavity(
+    volumes: Res<Assets<Volume>>,
+    mut patients: Query<(&CtVolume, &PickedVolume, &Transform, &mut CutVolume), (With<Patient>, Added<PickedVolume>)>,
+    mut microscopes: Query<(&mut Microscope, &mut Transform), Without<Patient>>,
+    mut lamps: Query<(&mut MicroscopeLamp, &mut ScopeLight)>,
+) {
+    let Some((source, PickedVolume(picker), place, mut cut)) = patients.iter_mut().next() else { return };
+    let Some(volume) = volumes.get(&source.0) else { return };
+    let Some(structures) = volume.structures() else { return };
+    let half_m: Vec3 = volume.grid().half_axes_m().iter().map(|half| (place.rotation * *half).abs()).sum();
+    let volume_from_world = place.compute_affine().inverse();
+    // From in front of the volume, to where it meets what is left of the bone.
+    let hit = |at: Vec2, cut: &CutVolume| {
+        let from = place.translation + at.extend(2.0 * half_m.z);
+        let (from, along) =
+            (volume_from_world.transform_point3(from), volume_from_world.transform_vector3(Vec3::NEG_Z));
+        picker.pick(from, along, 4.0 * half_m.z, |voxel| cut.remaining(voxel)).map(|hit| hit.position_m)
+    };
+    let middle = AT * half_m.truncate();
+    let Some(surface_m) = hit(middle, &cut) else { return };
+    let out = volume_from_world.transform_vector3(Vec3::Z);
+    let burr = Burr::default();
+    let mut from = None;
+    for step in 0..STEPS {
+        let share = step as f32 / STEPS as f32;
+        let turn = Vec2::from_angle(12.0 * std::f32::consts::TAU * share) * (0.5 * WIDTH_M * (1.0 - 0.4 * share));
+        let Some(bone_m) = hit(middle + turn, &cut) else { continue };
+        // A slope down to the middle of the cavity.
+        let floor_m = (surface_m - bone_m).dot(out).min(DEPTH_M);
+        let press_m = (0.15 * burr.diameter_m).min(DEPTH_M - floor_m);
+        let to = BurrPose { centre_m: bone_m + out * (0.5 * burr.diameter_m - press_m), axis: out };
+        let stroke = BurrStroke { burr, from: from.unwrap_or(to), to, force_n: 5.0, speed_rpm: 80_000.0 };
+        cut.drill(volume, structures, &stroke, 1.0 / 60.0);
+        from = Some(to);
+    }
+    for (mut microscope, mut transform) in &mut microscopes {
+        *microscope = Microscope { step: MAGNIFICATION, ..default() };
+        let surface_world_m = place.transform_point(surface_m);
+        transform.translation = surface_world_m + Vec3::Z * microscope.working_distance_m;
+    }
+    for (mut lamp, mut light) in &mut lamps {
+        (lamp.offset_m, light.intensity_cd) = (LAMP.offset_m, LIGHT_CD);
+    }
 }
 
 /// One way per step.

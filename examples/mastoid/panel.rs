@@ -21,7 +21,7 @@ use bevy_surgery::volume::{CtVolume, RemovedTissue, Volume};
 pub struct Notice(pub String);
 
 /// Most structures that are listed.
-const ROWS: usize = 14;
+const ROWS: usize = 20;
 /// Least and greatest width of the panel, pixels.
 const WIDTHS_PX: [u32; 2] = [200, 320];
 /// Height of the panel over a pair of pictures, as a share of the frame's.
@@ -69,7 +69,7 @@ fn spawn_panel(mut commands: Commands, stage: Res<Stage>) {
     let camera =
         commands.spawn((PanelCamera, Camera2d, camera, Msaa::Off, RenderLayers::none(), stage.target.clone())).id();
     let line = |line| {
-        let font = TextFont { font_size: FontSize::Px(12.0), ..default() };
+        let font = TextFont { font_size: FontSize::Px(11.0), ..default() };
         (line, Text::default(), font, TextColor(PLAIN))
     };
     commands
@@ -108,11 +108,10 @@ fn spawn_panel(mut commands: Commands, stage: Res<Stage>) {
 /// Gives the panel a strip of the frame and the microscope the rest; a pair of pictures takes the whole frame itself, and the
 /// panel what is left over them.
 fn lay_out(
-    mut microscopes: Query<(&mut Camera, &mut ScopeMask, Has<StereoPair>), (With<Microscope>, Without<PanelCamera>)>,
+    mut microscopes: Query<(&mut Camera, Has<StereoPair>), (With<Microscope>, Without<PanelCamera>)>,
     mut panels: Query<&mut Camera, With<PanelCamera>>,
 ) {
-    let (Some((mut scope, mut mask, is_pair)), Some(mut panel)) =
-        (microscopes.iter_mut().next(), panels.iter_mut().next())
+    let (Some((mut scope, is_pair)), Some(mut panel)) = (microscopes.iter_mut().next(), panels.iter_mut().next())
     else {
         return;
     };
@@ -121,10 +120,6 @@ fn lay_out(
         Some(Viewport { physical_position: corner, physical_size: size.max(UVec2::ONE), ..default() })
     };
     let (strip, rest) = if is_pair {
-        let half = UVec2::new(size.x / 2, size.y);
-        // The circle fits into half the frame.
-        let radius = 0.98 * (half.x as f32 / half.y as f32).min(1.0);
-        mask.set_if_neq(ScopeMask { radius, ..mask.clone() });
         (part(UVec2::ZERO, UVec2::new(size.x, (STEREO_SHARE * size.y as f32) as u32)), None)
     } else {
         let width = size.x.saturating_sub(size.y).clamp(WIDTHS_PX[0], WIDTHS_PX[1]).min(size.x / 2);
@@ -179,10 +174,12 @@ fn write_lines(
                 (said, colour)
             }
             Line::Structure(row) => match rows.get(row) {
-                Some((structure, mm3)) => (
-                    format!("{}\n{mm3:.1} mm3", structure.name),
-                    if structure.is_critical && *mm3 > 0.0 { ALARM } else { PLAIN },
-                ),
+                Some((structure, mm3)) if *mm3 > 0.0 => {
+                    let colour = if structure.is_critical { ALARM } else { PLAIN };
+                    let lost = if *mm3 < 0.05 { "a trace".into() } else { format!("{mm3:.1} mm3") };
+                    (format!("{}\n{lost}", structure.name), colour)
+                }
+                Some((structure, _)) => (structure.name.clone(), PLAIN),
                 None => (String::new(), PLAIN),
             },
             Line::Notice => (notice.0.clone(), PLAIN),

@@ -33,7 +33,7 @@ fn spawn_drill(
     // Radius and height of the shaft, millimetres: a thin neck, the collar, the handle.
     let outline =
         [(0.0, 0.0), (0.75, 0.0), (1.1, 24.0), (2.2, 34.0), (3.6, 37.0), (4.6, 52.0), (5.5, 120.0), (0.0, 120.0)];
-    let handle = revolve(&outline.map(|(radius, height)| Vec2::new(radius, height) * 1e-3), 0.0);
+    let handle = revolve(&outline.map(|(radius, height)| Vec2::new(radius, height)), 0.0);
     let steel = StandardMaterial {
         base_color: Color::srgb(0.55, 0.57, 0.6),
         metallic: 0.5,
@@ -73,23 +73,23 @@ fn change_burr(
     commands.entity(head).insert((Mesh3d(meshes.add(mesh)), MeshMaterial3d(materials.add(steel))));
 }
 
-/// Half of a burr's section, from its tip to its back: radius and height, metres.
+/// Half of a burr's section, from its tip to its back: radius and height, millimetres.
 fn outline(burr: &Burr) -> Vec<Vec2> {
-    let radius_m = 0.5 * burr.diameter_m;
-    let (straight_m, is_round) = match burr.shape {
+    let radius_mm = 500.0 * burr.diameter_m;
+    let (straight_mm, is_round) = match burr.shape {
         BurrShape::Sphere => (0.0, true),
-        BurrShape::Matchstick { length_m } => ((0.5 * length_m - radius_m).max(0.0), true),
-        BurrShape::Cylinder { length_m } => (0.5 * length_m, false),
+        BurrShape::Matchstick { length_m } => ((500.0 * length_m - radius_mm).max(0.0), true),
+        BurrShape::Cylinder { length_m } => (500.0 * length_m, false),
     };
     let quarter =
         |k: u32| if is_round { Vec2::from_angle(std::f32::consts::FRAC_PI_2 * k as f32 / 10.0) } else { Vec2::X };
-    let tip = Vec2::new(0.0, -straight_m - if is_round { radius_m } else { 0.0 });
-    let below = (0..10).rev().map(|k| quarter(k) * Vec2::new(radius_m, -radius_m) - Vec2::Y * straight_m);
-    let above = (0..10).map(|k| quarter(k) * radius_m + Vec2::Y * straight_m);
+    let tip = Vec2::new(0.0, -straight_mm - if is_round { radius_mm } else { 0.0 });
+    let below = (0..10).rev().map(|k| quarter(k) * Vec2::new(radius_mm, -radius_mm) - Vec2::Y * straight_mm);
+    let above = (0..10).map(|k| quarter(k) * radius_mm + Vec2::Y * straight_mm);
     std::iter::once(tip).chain(below).chain(above).chain([tip * Vec2::NEG_Y]).collect()
 }
 
-/// Turns an outline about the Y axis; grooves of a depth, as a share of the radius, wind about it.
+/// Turns an outline in millimetres about the Y axis, which gives a mesh in metres; grooves of a depth, as a share of the radius, wind about it.
 fn revolve(outline: &[Vec2], groove: f32) -> Mesh {
     const SEGMENTS: u32 = 96;
     const FLUTES: f32 = 8.0;
@@ -116,6 +116,8 @@ fn revolve(outline: &[Vec2], groove: f32) -> Mesh {
         .with_inserted_attribute(Mesh::ATTRIBUTE_POSITION, positions)
         .with_inserted_indices(Indices::U32(indices))
         .with_computed_smooth_normals()
+        // Only now: Bevy takes triangles of a tenth of a millimetre for points, which have no normals.
+        .scaled_by(Vec3::splat(1e-3))
 }
 
 /// Holds the drill where the burr is.

@@ -4,6 +4,7 @@
 //! medium 150 to 400, cancellous bone from 200, cortical bone 700 to 2000. Colours are chosen.
 
 use super::{ColourSource, ControlPoint, TransferFunction, ValueScale};
+use crate::volume::structures::{SolidRamp, Thresholds};
 use crate::volume::{Volume, Voxels};
 
 fn points(list: &[(f64, [u8; 3], f32)]) -> Vec<ControlPoint> {
@@ -18,9 +19,9 @@ impl TransferFunction {
     pub fn bone() -> Self {
         Self {
             points: points(&[
-                (180.0, [150, 86, 58], 0.0),
-                (320.0, [196, 140, 96], 0.35),
-                (600.0, [230, 204, 160], 0.9),
+                (180.0, [176, 122, 88], 0.0),
+                (320.0, [214, 176, 136], 0.35),
+                (600.0, [234, 212, 174], 0.9),
                 (1200.0, [245, 233, 208], 1.0),
                 (2500.0, [255, 252, 244], 1.0),
             ]),
@@ -79,6 +80,21 @@ impl TransferFunction {
         .in_values()
     }
 
+    /// A surface where voxels are filled: what is drawn is what can be drilled.
+    pub fn surface(filled: &SolidRamp) -> Self {
+        let SolidRamp { empty_below, full_above } = *filled;
+        let dense = full_above + 2.0 * (full_above - empty_below);
+        Self {
+            points: points(&[
+                (empty_below, [138, 124, 112], 0.0),
+                (full_above, [206, 196, 182], 0.95),
+                (dense, [252, 248, 240], 1.0),
+            ]),
+            ..Self::default()
+        }
+        .in_values()
+    }
+
     /// For coloured volumes: colours of the voxels, and a surface where the opacity passes through one half of 255.
     pub fn labelled() -> Self {
         Self {
@@ -108,7 +124,8 @@ impl TransferFunction {
     /// - [`Self::structures`] for Hounsfield units with critical structures named, so that soft ones are seen as well;
     /// - [`Self::bone`] for other Hounsfield units (values below -500 and above 800);
     /// - [`Self::head`] for values from 0 to 1;
-    /// - [`Self::default`] for anything else.
+    /// - [`Self::surface`] for anything else, with the ramp of [`Thresholds::otsu`] that its structures are found with;
+    /// - [`Self::default`] where all voxels are equal.
     pub fn for_volume(volume: &Volume) -> Self {
         let [least, greatest] = volume.range();
         let has_critical = volume
@@ -120,6 +137,8 @@ impl TransferFunction {
             if has_critical { Self::structures() } else { Self::bone() }
         } else if least >= NORMALIZED_RANGE[0] && greatest <= NORMALIZED_RANGE[1] && greatest > 0.5 {
             Self::head()
+        } else if greatest > least {
+            Self::surface(&Thresholds::otsu(volume).solid)
         } else {
             Self::default()
         }
