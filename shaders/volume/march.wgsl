@@ -70,24 +70,29 @@ fn fragment(@builtin(position) at: vec4<f32>) -> Buffers {
         }
         // Through that block.
         let block_last = min(leave_m / volume.step_m, last);
-        var block_weight = 0.0;
-        var block_depth = 0.0;
         loop {
-            let sample = sample_at(ray.origin + along * (k * volume.step_m));
-            let weight = select((1.0 - opacity) * sample.opacity, 0.0, k > last);
-            colour += weight * sample.colour;
+            // To the next sample that shows: only there a gradient is wanted.
+            var voxel = vec3(0.0);
+            var here_colour = vec3(0.0);
+            var weight = 0.0;
+            loop {
+                voxel = ray.origin + along * (k * volume.step_m);
+                let here = sample_at(voxel);
+                here_colour = here.colour;
+                weight = select((1.0 - opacity) * here.opacity, 0.0, k > last);
+                k += 1.0;
+                continuing {
+                    break if weight > 0.0 || k > block_last;
+                }
+            }
+            colour += weight * here_colour;
+            gradient += weight * gradient_at(voxel);
+            depth += weight * (k - 1.0);
             opacity += weight;
-            block_weight += weight;
-            block_depth += weight * k;
-            k += 1.0;
             continuing {
                 break if opacity > OPAQUE || k > block_last;
             }
         }
-        // One gradient for the block, where the light comes from in the mean.
-        let mean = block_depth / max(block_weight, 1e-9);
-        gradient += block_weight * gradient_at(ray.origin + along * (mean * volume.step_m));
-        depth += block_depth;
         is_done = opacity > OPAQUE || k > last;
         continuing {
             break if is_done;
