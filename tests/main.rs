@@ -31,6 +31,7 @@ mod view_shadows;
 mod view_stereo;
 mod volume_drill;
 mod volume_load;
+mod volume_pass;
 mod volume_phantom;
 mod volume_software;
 mod volume_structures;
