@@ -55,11 +55,10 @@ fn main() -> ExitCode {
             app.insert_resource(ClearColor(Color::srgb(0.03, 0.045, 0.05)));
             drill::build(app);
             tool::build(app);
-            panel::build(app);
             app.add_systems(Startup, setup).add_systems(Update, look_at_volume.in_set(LookAtVolume));
             let (args, viewer) = (app.world().resource::<Args>().clone(), app.world().resource::<Stage>().viewer);
             match (args.figure, args.script, viewer) {
-                (Some(_), ..) => figure::build(app),
+                (Some(_), ..) => return figure::build(app),
                 (None, Script::Demo, _) => demo::build(app),
                 (None, Script::None, Viewer::Person) => {
                     app.add_plugins(PanOrbitCameraPlugin);
@@ -70,6 +69,7 @@ fn main() -> ExitCode {
                 }
                 (None, Script::None, Viewer::Recording) => {}
             }
+            panel::build(app);
         },
         count,
     )
@@ -138,10 +138,12 @@ fn look_at_volume(
     }
     let life_size = Microscope::default();
     let longest_m = half_axes_m.iter().fold(0.0_f32, |longest, half| longest.max(2.0 * half.length()));
-    let scale = if longest_m < 0.06 { 1.0 } else { 1.25 * longest_m / life_size.field_m() };
+    let is_a_bone = (0.04..0.06).contains(&longest_m);
+    let scale = if is_a_bone { 1.0 } else { 1.25 * longest_m / life_size.field_m() };
     for (entity, mut microscope, mut transform) in &mut microscopes {
         microscope.working_distance_m = life_size.working_distance_m * scale;
         microscope.field_at_1x_m = life_size.field_at_1x_m * scale;
+        microscope.near_m = life_size.near_m * scale;
         // In focus is what lies between the surface and the middle.
         transform.translation = Vec3::Z * (microscope.working_distance_m + 0.5 * half_m.z);
         if stage.viewer == Viewer::Person && args.script == Script::None {

@@ -4,6 +4,7 @@ mod args;
 mod recording;
 mod report;
 mod run;
+#[allow(dead_code, reason = "not every example shows a volume")]
 mod volumes;
 
 #[allow(unused_imports, reason = "not every example uses every part")]

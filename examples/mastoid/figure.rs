@@ -15,14 +15,17 @@ pub const SHADINGS: [(&str, bool, SmoothedNormals); 4] = [
     ("fig7-d", false, SmoothedNormals::None),
 ];
 
-/// Where the bone is drilled, as shares of the volume's half width and height, and how wide and deep, metres.
-const AT: Vec2 = Vec2::new(0.02, 0.04);
-const WIDTH_M: f32 = 7e-3;
+/// Where the bone is drilled, as shares of the volume's half width and height; how wide and how deep, metres.
+const AT: Vec2 = Vec2::new(-0.12, 0.05);
+const WIDTH_M: f32 = 15e-3;
 const DEPTH_M: f32 = 6e-3;
-/// Steps of drilling, of a sixtieth of a second.
+/// Steps of drilling, of a sixtieth of a second, in which the burr goes out and back so many times.
 const STEPS: u32 = 900;
+const ROUNDS: f32 = 4.0;
 /// The step of the microscope's changer.
-const MAGNIFICATION: usize = 1;
+const MAGNIFICATION: usize = 2;
+/// As many passes as a picture of this magnification needs for its normals to be smoothed over more than a voxel.
+const PASSES: u32 = 12;
 
 /// Shades a volume in one of the four ways.
 pub fn shade(look: &mut VolumeLook, number: usize) {
@@ -58,16 +61,18 @@ fn drill_cavity(
     let middle = AT * half_m.truncate();
     let Some(surface_m) = hit(middle, &cut) else { return };
     let out = volume_from_world.transform_vector3(Vec3::Z);
-    let burr = Burr::default();
+    let burr = Burr { diameter_m: 6e-3, ..default() };
+    let radius_m = 0.5 * burr.diameter_m;
     let mut from = None;
     for step in 0..STEPS {
-        let share = step as f32 / STEPS as f32;
-        let turn = Vec2::from_angle(12.0 * std::f32::consts::TAU * share) * (0.5 * WIDTH_M * (1.0 - 0.4 * share));
-        let Some(bone_m) = hit(middle + turn, &cut) else { continue };
-        // A slope down to the middle of the cavity.
-        let floor_m = (surface_m - bone_m).dot(out).min(DEPTH_M);
-        let press_m = (0.15 * burr.diameter_m).min(DEPTH_M - floor_m);
-        let to = BurrPose { centre_m: bone_m + out * (0.5 * burr.diameter_m - press_m), axis: out };
+        let round = step as f32 / STEPS as f32 * ROUNDS;
+        // The root gives every part of the disk the same time.
+        let outwards = (1.0 - (2.0 * round.fract() - 1.0).abs()).sqrt();
+        let at = middle + Vec2::from_angle(30.0 * round) * (outwards * (0.5 * WIDTH_M - radius_m));
+        let Some(bone_m) = hit(at, &cut) else { continue };
+        let above_floor_m = (bone_m - surface_m).dot(out) + DEPTH_M;
+        let press_m = (0.4 * radius_m).min(above_floor_m);
+        let to = BurrPose { centre_m: bone_m + out * (radius_m - press_m), axis: out };
         let stroke = BurrStroke { burr, from: from.unwrap_or(to), to, force_n: 5.0, speed_rpm: 80_000.0 };
         cut.drill(volume, structures, &stroke, 1.0 / 60.0);
         from = Some(to);
@@ -85,6 +90,7 @@ fn drill_cavity(
 /// One way per step.
 fn shade_next(mut step: Local<usize>, mut looks: Query<&mut VolumeLook>) {
     for mut look in &mut looks {
+        look.wet.passes = PASSES;
         shade(&mut look, *step);
     }
     *step += 1;

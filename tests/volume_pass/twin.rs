@@ -11,6 +11,10 @@ use bevy_surgery::volume::{Volume, VolumeGrid, VolumeMethod, Voxels};
 
 /// Holds the GPU's rays and slices against the CPU's, and sees to it that a displaced picture would not pass.
 fn check(stage: &mut Stage, what: &str, least_covered: usize) {
+    compare(stage, what, least_covered, true);
+}
+
+fn compare(stage: &mut Stage, what: &str, least_covered: usize, is_displaced: bool) {
     for method in [VolumeMethod::Rays, VolumeMethod::Slices] {
         stage.look().method = method;
         let shot = stage.shot();
@@ -18,23 +22,10 @@ fn check(stage: &mut Stage, what: &str, least_covered: usize) {
         let twin = stage.twin();
         let difference = Difference::between(&shot, &twin, edge_m);
         println!("{what}, {method:?}: {difference:?}");
-        if std::env::var("GT_DEBUG").is_ok() {
-            for (place, (gpu, cpu)) in shot.colour.iter().zip(&twin.colour).enumerate() {
-                if (0..4).any(|c| (gpu[c] - cpu[c]).abs() > 0.03) {
-                    println!(
-                        "{},{} {gpu:?} {cpu:?} {} {}",
-                        place % 128,
-                        place / 128,
-                        shot.depth_m[place],
-                        twin.image.depth_m[place]
-                    );
-                }
-            }
-        }
         assert!(difference.covered > least_covered, "{what}, {method:?}: {difference:?} shows too little");
         assert!(difference.is_small(), "{what}, {method:?}: {difference:?}");
         let camera = stage.app.world().get::<GlobalTransform>(stage.camera).expect("it is placed");
-        for displaced in [camera.right(), camera.up(), camera.forward()] {
+        for displaced in [camera.right(), camera.up(), camera.forward()].into_iter().filter(|_| is_displaced) {
             let twin = stage.twin_moved(displaced * (1.5 * edge_m));
             let difference = Difference::between(&shot, &twin, edge_m);
             assert!(!difference.is_small(), "{what}, {method:?}: {displaced:?} makes no difference: {difference:?}");
@@ -176,9 +167,9 @@ fn the_camera_may_be_inside() {
     stage.set(camera, Projection::Perspective(wide));
     stage.aim(Vec3::new(0.008, 0.0, 0.008), Vec3::new(-0.01, 0.0, 0.0));
     check(&mut stage, "inside", 128 * 96 - 100);
-    // Inside of what is solid: it fills the picture.
+    // Inside of what is solid: it fills the picture, wherever it is.
     stage.aim(Vec3::new(-0.0065, -0.0035, -0.0005), Vec3::new(-0.01, 0.01, 0.0));
-    check(&mut stage, "inside of the ball", 128 * 96 - 1);
+    compare(&mut stage, "inside of the ball", 128 * 96 - 1, false);
 }
 
 #[test]

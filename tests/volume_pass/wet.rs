@@ -88,7 +88,7 @@ fn smoothed_normals_feed_what_they_are_asked_to() {
         "a film adds light"
     );
     // Without passes there is nothing to smooth.
-    stage.look().wet = WetShading { passes: 0, shine_exponent: 20.0, ..default() };
+    stage.look().wet = WetShading { passes: 0, shine: 1.0, shine_exponent: 20.0, ..default() };
     assert_eq!(differing(&grainy, &stage.shot()), 0);
 }
 

@@ -10,6 +10,9 @@ use bevy::render::view::ExtractedView;
 /// Most slices of a volume.
 const MAX_SLICES: i32 = 8192;
 
+/// How far slices reach beyond the box, whose end the shader finds to the bit.
+const BEYOND_VOXELS: f32 = 0.1;
+
 /// Corners of the slices as triangles, far slices first: position in the world, and the slice's number.
 pub(super) fn buffer(
     device: &RenderDevice,
@@ -19,7 +22,9 @@ pub(super) fn buffer(
 ) -> Option<(Buffer, u32)> {
     let world_from_view = view.world_from_view.affine();
     let view_from_voxel = Mat4::from(world_from_view.inverse()) * volume.world_from_voxel;
-    let corners = box_corners(volume.bounds).map(|corner| view_from_voxel.transform_point3(corner));
+    let (low, high) = volume.bounds;
+    let corners =
+        box_corners((low - BEYOND_VOXELS, high + BEYOND_VOXELS)).map(|corner| view_from_voxel.transform_point3(corner));
     let mut vertices: Vec<Vec4> = Vec::new();
     for (k, polygon) in slice_polygons(&corners, uniform.step_m, uniform.near_m) {
         for pair in polygon.windows(2).skip(1) {
