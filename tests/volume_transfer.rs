@@ -69,11 +69,8 @@ fn every_volume_gets_the_function_that_suits_it() {
     let surface = TransferFunction::for_volume(&bright);
     assert_eq!(surface, TransferFunction::surface(&Thresholds::otsu(&bright).solid));
     let table = surface.bake(bright.range(), 1e-3);
-    assert_eq!(
-        (table.entry(0.0)[3], table.entry(1.0)[3]),
-        (0.0, 1.0),
-        "the darker voxel is empty, the brighter one is not"
-    );
+    let [dark, bright] = [0.0, 1.0].map(|share| table.entry(share)[3]);
+    assert!(dark == 0.0 && bright > 0.9, "the darker voxel is empty, the brighter one is not: {dark} {bright}");
     assert_eq!(for_volume(Voxels::U8(vec![7, 7])), TransferFunction::default());
 
     let ct = of(Voxels::I16(vec![-1000, 2000]));

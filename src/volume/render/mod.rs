@@ -40,7 +40,10 @@ pub(super) fn build(app: &mut App) {
         PostUpdate,
         (
             shown::follow_changes.after(AssetEventSystems),
-            extract::bound_volumes.before(VisibilitySystems::CheckVisibility),
+            extract::bound_volumes
+                .after(AssetEventSystems)
+                .after(VisibilitySystems::CalculateBounds)
+                .before(VisibilitySystems::CheckVisibility),
         ),
     );
     let Some(render_app) = app.get_sub_app_mut(RenderApp) else { return };

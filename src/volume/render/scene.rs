@@ -5,7 +5,7 @@ use bevy::camera::primitives::Aabb;
 use bevy::camera::visibility::{RenderLayers, VisibilitySystems};
 use bevy::ecs::entity::EntityHashMap;
 use bevy::mesh::skinning::SkinnedMesh;
-use bevy::mesh::{Mesh, Mesh3d};
+use bevy::mesh::{Mesh, Mesh3d, mark_3d_meshes_as_changed_if_their_assets_changed};
 use bevy::prelude::*;
 use bevy::render::extract_resource::{ExtractResource, ExtractResourcePlugin};
 
@@ -25,7 +25,8 @@ pub(super) fn build(app: &mut App) {
             .after(VisibilitySystems::VisibilityPropagate)
             .after(TransformSystems::Propagate)
             .after(VisibilitySystems::CalculateBounds)
-            .after(AssetEventSystems),
+            .after(AssetEventSystems)
+            .after(mark_3d_meshes_as_changed_if_their_assets_changed),
     );
 }
 
