@@ -6,17 +6,17 @@
 
 mod turns;
 
-use bevy::math::{DVec3, Vec3A};
+use bevy::math::DVec3;
 use bevy::pbr::PbrPlugin;
 use bevy::prelude::*;
 use bevy_surgery::prelude::*;
 use bevy_surgery::testing::TestApp;
+use bevy_surgery::volume::PickedVolume;
 use bevy_surgery::volume::cut::{Burr, BurrKind, BurrPose, BurrShape};
 use bevy_surgery::volume::load::load_path;
 use bevy_surgery::volume::phantom::{PhantomOptions, phantom};
 use bevy_surgery::volume::structures::Structures;
 use bevy_surgery::volume::transfer::{ControlPoint, TransferFunction};
-use bevy_surgery::volume::*;
 use criterion::{Criterion, criterion_group, criterion_main};
 use std::f32::consts::TAU;
 
@@ -51,7 +51,8 @@ fn head() -> Option<(Volume, TransferFunction)> {
     let path = concat!(env!("CARGO_MANIFEST_DIR"), "/../shared/data/ct/head.nii.gz");
     let (head, _) = load_path(path, &default()).ok()?;
     let from = head.grid().size;
-    let grid = VolumeGrid::upright(UVec3::splat(SIDE), DVec3::ONE);
+    // As fine as a scan of a temporal bone, so that a burr of 4 mm has a radius of 8 voxels.
+    let grid = VolumeGrid::upright(UVec3::splat(SIDE), DVec3::splat(0.25));
     let mut voxels = vec![0_u8; grid.count()];
     for (place, voxel) in voxels.iter_mut().enumerate() {
         let place = place as u32;
@@ -80,7 +81,7 @@ fn head() -> Option<(Volume, TransferFunction)> {
             point(120.0, 0.5, [242, 230, 204]),
             point(255.0, 0.9, [255, 255, 255]),
         ],
-        reference_length_m: 1e-3,
+        reference_length_m: 0.25e-3,
         ..TransferFunction::window(0.5, 1.0)
     };
     let volume = Volume::new(grid, Voxels::U8(voxels), 1.0, 0.0).ok()?;
@@ -101,10 +102,13 @@ fn bench(scene: Scene, volume: &Volume, transfer: &TransferFunction) -> Bench {
         app.add_plugins(PbrPlugin::default());
     });
     let extent = volume.grid().half_axes_m()[0].length();
-    // The share of the picture that the peers' head has, 0.36.
-    let view = Transform::from_xyz(0.0, 0.0, extent * 4.1).looking_at(Vec3::ZERO, Vec3::Y);
+    // The peers' camera: it sees the whole box, comes from below, and is then zoomed in.
+    let view = Transform::from_translation(towards_eye() * (3_f32.sqrt() * extent / 15_f32.to_radians().sin()))
+        .looking_at(Vec3::ZERO, Vec3::Z);
     let camera = app.spawn_camera(view);
-    let lamp = ScopeLight { intensity_cd: 4e4 * extent * extent, ..default() };
+    let lens = PerspectiveProjection { fov: 20_f32.to_radians(), ..default() };
+    app.world_mut().entity_mut(camera).insert(Projection::Perspective(lens));
+    let lamp = ScopeLight { intensity_cd: 4e5 * extent * extent, ..default() };
     app.world_mut().entity_mut(camera).insert(lamp);
     let mut body = None;
     if scene != Scene::Empty {
@@ -134,7 +138,7 @@ fn frame(bench: &mut Bench) {
     match bench.scene {
         Scene::Turned | Scene::TurnedUnshaded | Scene::TurnedSlices => {
             let mut view = bench.app.world_mut().get_mut::<Transform>(bench.camera).expect("it was spawned");
-            view.rotate_around(Vec3::ZERO, Quat::from_rotation_y(1_f32.to_radians()));
+            view.rotate_around(Vec3::ZERO, Quat::from_rotation_z(1_f32.to_radians()));
             bench.app.idle();
         }
         Scene::Drilled => {
@@ -142,14 +146,16 @@ fn frame(bench: &mut Bench) {
             let world = bench.app.world_mut();
             let body = world.get::<CtVolume>(volume).expect("it was spawned").0.clone();
             let grid = *world.resource::<Assets<Volume>>().get(&body).expect("it was added").grid();
-            let volume_from_voxel = grid.volume_from_voxel();
             let radius_m = 8.0 * grid.spacing_mm().min_element() as f32 * 1e-3;
             let burr = Burr { kind: BurrKind::Cutting, shape: BurrShape::Sphere, diameter_m: 2.0 * radius_m };
+            let picker = &world.get::<PickedVolume>(volume).expect("it has structures").0;
+            // On a small circle in the picture, always as deep into the bone that was there in the beginning.
             let at = |frame: u32| {
-                let turn = frame as f32 * 0.02 % TAU;
-                let voxel =
-                    Vec3A::new(128.0 + 40.0 * turn.cos(), 128.0 + 40.0 * turn.sin(), 225.0 - 0.02 * frame as f32);
-                BurrPose { centre_m: volume_from_voxel.transform_point3a(voxel).into(), axis: Vec3::Z }
+                let turn = frame as f32 * 0.05 % TAU;
+                let from = towards_eye() + 0.005 * Vec3::new(turn.cos(), 0.0, turn.sin());
+                let hit = picker.pick(from, -towards_eye(), 2.0, |_| 1.0).expect("the burr meets the head");
+                let depth_m = 0.02 * radius_m * (frame % 40) as f32;
+                BurrPose { centre_m: hit.position_m - towards_eye() * depth_m, axis: Vec3::Z }
             };
             let (from_world, to_world) = (at(bench.frame), at(bench.frame + 1));
             world.write_message(DrillVolume {
@@ -168,6 +174,25 @@ fn frame(bench: &mut Bench) {
     }
 }
 
+/// Direction in which the eye lies in the beginning.
+fn towards_eye() -> Vec3 {
+    let (sin, cos) = 70_f32.to_radians().sin_cos();
+    Vec3::new(0.0, -sin, cos)
+}
+
+/// Share of the picture that the volume takes up.
+fn cover(bench: &mut Bench) -> f32 {
+    let shown = bench.app.capture();
+    let volume = bench.volume.expect("it was spawned");
+    bench.app.world_mut().entity_mut(volume).insert(Visibility::Hidden);
+    bench.app.idle();
+    let empty = bench.app.capture_even_if_black();
+    bench.app.world_mut().entity_mut(volume).insert(Visibility::Inherited);
+    bench.app.idle();
+    let differing = shown.pixels().zip(empty.pixels()).filter(|(a, b)| a != b).count();
+    differing as f32 / (shown.width() * shown.height()) as f32
+}
+
 fn frames(c: &mut Criterion) {
     let (volume, transfer) = head().unwrap_or_else(|| {
         let volume = phantom(&PhantomOptions { size: SIDE, ..default() }).expect("the crate's own phantom");
@@ -175,10 +200,15 @@ fn frames(c: &mut Criterion) {
         (volume, transfer)
     });
     let mut benches: Vec<Bench> = SCENES.iter().map(|(scene, _)| bench(*scene, &volume, &transfer)).collect();
+    println!("the volume covers {:.3} of the picture", cover(&mut benches[1]));
     let medians = turns::medians_ms(30, &mut benches, frame);
     for ((_, name), median) in SCENES.iter().zip(&medians) {
         println!("{name}: {median:.2} ms a frame, {:+.2} ms over the empty scene", median - medians[0]);
     }
+    let drilled = &benches[4];
+    let removed =
+        drilled.volume.and_then(|volume| drilled.app.world().get::<RemovedTissue>(volume)).expect("it was drilled");
+    println!("drilled: {:.0} mm3", removed.total_mm3());
     let mut group = c.benchmark_group("volume 256^3, 800x600");
     group.sample_size(10);
     turns::bench_each(&mut group, &SCENES.map(|(_, name)| name), &mut benches, frame);
