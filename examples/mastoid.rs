@@ -7,6 +7,9 @@
 //! changes between rays and slices, W goes through the kinds of wet shading, P clips what lies in front; with `--stereo` comma
 //! and full stop set the distance of the eyes. Escape ends.
 
+// Queries spell out what they touch.
+#![allow(clippy::type_complexity)]
+
 mod common;
 #[path = "mastoid/controls.rs"]
 mod controls;

@@ -355,7 +355,7 @@ impl Difference {
             covered += 1;
             let differences: [f32; 4] = std::array::from_fn(|channel| (gpu[channel] - cpu[channel]).abs());
             sum += differences.iter().sum::<f32>() / 4.0;
-            off += usize::from(differences.iter().any(|difference| !(*difference < 0.04)));
+            off += usize::from(differences.iter().any(|difference| difference.is_nan() || *difference >= 0.04));
             match (shot.depth_m[place].is_finite(), cpu[3] >= 0.5) {
                 (true, true) => depths.push((shot.depth_m[place] - twin.image.depth_m[place]).abs() / voxel_edge_m),
                 (false, false) => {}
