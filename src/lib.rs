@@ -34,6 +34,7 @@
 #![warn(missing_docs)]
 
 pub mod diagnostics;
+mod files;
 pub mod gravity;
 pub mod highlights;
 pub mod organ;

@@ -3,11 +3,11 @@
 use super::build::{OrganError, OrganModel, OrganOptions};
 use super::cache::OrganCache;
 use super::load;
+use crate::files::{Fetch, parse_with_siblings};
 use bevy::asset::io::Reader;
-use bevy::asset::{AssetLoader, AssetPath, LoadContext};
+use bevy::asset::{AssetLoader, LoadContext};
 use bevy::prelude::*;
 use bevy::reflect::TypePath;
-use std::collections::BTreeMap;
 use std::time::Instant;
 use tracing::info;
 
@@ -43,44 +43,24 @@ impl AssetLoader for OrganModelLoader {
         options: &OrganOptions,
         context: &mut LoadContext<'_>,
     ) -> Result<OrganModel, OrganError> {
-        let path = context.path().clone();
-        let file = path.to_string();
+        let file = context.path().to_string();
         let mut bytes = Vec::new();
         reader
             .read_to_end(&mut bytes)
             .await
             .map_err(|error| OrganError::Io { file: file.clone(), error: error.to_string() })?;
-        // A .gltf file names the files with its numbers only inside: read, look what it asks for, fetch, read again.
-        let mut siblings: BTreeMap<String, Result<Vec<u8>, String>> = BTreeMap::new();
-        loop {
-            let mut asked = None;
-            let parsed = load::parse_with(&bytes, &file, &options.load, &mut |name| match siblings.get(name) {
-                Some(fetched) => fetched.clone(),
-                None => {
-                    asked.get_or_insert_with(|| name.to_string());
-                    Err("is being fetched".into())
-                }
-            });
-            let Some(name) = asked else {
-                let (mesh, cleaned) = parsed?;
-                let started = Instant::now();
-                let model = OrganModel::from_mesh_cached(mesh, &file, options, &self.cache)?;
-                info!("{file}: {} after {:.2} s; {cleaned:?}", model.describe(), started.elapsed().as_secs_f32());
-                return Ok(model);
-            };
-            let fetched = fetch(context, &path, &name).await;
-            siblings.insert(name, fetched);
-        }
+        // A .gltf file names the files with its numbers only inside.
+        let parse = |fetch: Fetch<'_>| load::parse_with(&bytes, &file, &options.load, fetch);
+        let (mesh, cleaned) = parse_with_siblings(context, parse).await?;
+        let started = Instant::now();
+        let model = OrganModel::from_mesh_cached(mesh, &file, options, &self.cache)?;
+        info!("{file}: {} after {:.2} s; {cleaned:?}", model.describe(), started.elapsed().as_secs_f32());
+        Ok(model)
     }
 
     fn extensions(&self) -> &[&str] {
         &["obj", "stl", "ply", "gltf", "glb"]
     }
-}
-
-async fn fetch(context: &mut LoadContext<'_>, beside: &AssetPath<'static>, name: &str) -> Result<Vec<u8>, String> {
-    let path = beside.resolve_embed_str(name).map_err(|error| error.to_string())?;
-    context.read_asset_bytes(path).await.map_err(|error| error.to_string())
 }
 
 pub(super) fn build(app: &mut App, cache: OrganCache) {

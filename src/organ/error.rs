@@ -1,5 +1,6 @@
 //! What can be wrong with a mesh file, said to the person who has to fix it.
 
+use crate::files::excerpt;
 use bevy::reflect::Reflect;
 use glam::Vec3;
 
@@ -249,15 +250,4 @@ fn list(names: &[String]) -> String {
         0 => shown.join(", "),
         more => format!("{} and {more} more", shown.join(", ")),
     }
-}
-
-/// A piece of the file for a message: one line, printable, not too long.
-pub(crate) fn excerpt(text: &str) -> String {
-    const SHOWN: usize = 80;
-    let mut short: String =
-        text.trim().chars().take(SHOWN).map(|c| if c.is_control() { '\u{fffd}' } else { c }).collect();
-    if text.trim().chars().nth(SHOWN).is_some() {
-        short.push_str("...");
-    }
-    short
 }

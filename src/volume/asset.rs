@@ -4,12 +4,12 @@ use super::error::VolumeError;
 use super::load::{VolumeLoadOptions, load_path, parse_with};
 use super::structures::Structures;
 use super::{CtVolume, Volume};
+use crate::files::{Fetch, parse_with_siblings};
 use bevy::asset::io::Reader;
-use bevy::asset::{AssetLoader, AssetPath, LoadContext};
+use bevy::asset::{AssetLoader, LoadContext};
 use bevy::prelude::*;
 use bevy::reflect::TypePath;
 use bevy::tasks::{AsyncComputeTaskPool, Task, block_on, poll_once};
-use std::collections::BTreeMap;
 use std::path::PathBuf;
 use std::time::Instant;
 use tracing::{error, info};
@@ -30,36 +30,19 @@ impl AssetLoader for VolumeLoader {
         options: &VolumeLoadOptions,
         context: &mut LoadContext<'_>,
     ) -> Result<Volume, VolumeError> {
-        let path = context.path().clone();
-        let file = path.to_string();
+        let file = context.path().to_string();
         let mut bytes = Vec::new();
         let unreadable = |reason: String| VolumeError::new(&*file, super::error::VolumeFault::Unreadable { reason });
         reader.read_to_end(&mut bytes).await.map_err(|error| unreadable(error.to_string()))?;
-        // A header may name the files with its voxels only inside: read, look what it asks for, fetch, read again.
-        let mut siblings: BTreeMap<String, Result<Vec<u8>, String>> = BTreeMap::new();
-        loop {
-            let mut asked = None;
-            let parsed = parse_with(&bytes, &file, options, &mut |name| match siblings.get(name) {
-                Some(fetched) => fetched.clone(),
-                None => {
-                    asked.get_or_insert_with(|| name.to_string());
-                    Err("is being fetched".into())
-                }
-            });
-            let Some(name) = asked else { return parsed.and_then(|(volume, _)| structured(volume, &file)) };
-            let fetched = fetch(context, &path, &name).await;
-            siblings.insert(name, fetched);
-        }
+        // A header may name the files with its voxels only inside.
+        let parse = |fetch: Fetch<'_>| parse_with(&bytes, &file, options, fetch);
+        let (volume, _) = parse_with_siblings(context, parse).await?;
+        structured(volume, &file)
     }
 
     fn extensions(&self) -> &[&str] {
         &["nrrd", "nhdr", "nii", "nii.gz", "hdr", "mhd", "mha", "dcm"]
     }
-}
-
-async fn fetch(context: &mut LoadContext<'_>, beside: &AssetPath<'static>, name: &str) -> Result<Vec<u8>, String> {
-    let path = beside.resolve_embed_str(name).map_err(|error| error.to_string())?;
-    context.read_asset_bytes(path).await.map_err(|error| error.to_string())
 }
 
 fn structured(volume: Volume, file: &str) -> Result<Volume, VolumeError> {

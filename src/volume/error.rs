@@ -1,5 +1,6 @@
 //! What can be wrong with a volume, said to the person who has to fix the file.
 
+use crate::files::excerpt;
 use bevy::reflect::Reflect;
 use serde::{Deserialize, Serialize};
 
@@ -219,15 +220,4 @@ fn list(series: &[DicomSeries]) -> String {
         0 => shown.join(", "),
         more => format!("{} and {more} more", shown.join(", ")),
     }
-}
-
-/// A piece of a file for a message: one line, printable, not too long.
-pub(crate) fn excerpt(text: &str) -> String {
-    const SHOWN: usize = 80;
-    let mut characters = text.trim().chars().map(|c| if c.is_control() { '\u{fffd}' } else { c });
-    let mut short: String = characters.by_ref().take(SHOWN).collect();
-    if characters.next().is_some() {
-        short.push_str("...");
-    }
-    short
 }

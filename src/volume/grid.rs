@@ -63,13 +63,19 @@ impl VolumeGrid {
 
     /// Place of a voxel in memory.
     pub fn index(&self, voxel: UVec3) -> usize {
-        (voxel.z as usize * self.size.y as usize + voxel.y as usize) * self.size.x as usize + voxel.x as usize
+        linear_index(self.size, voxel)
     }
 
     /// All of its voxels.
     pub fn bounds(&self) -> VoxelBox {
         VoxelBox { min: UVec3::ZERO, max: self.size }
     }
+}
+
+/// Place in memory of an entry of a grid with a size, x fastest.
+#[inline]
+pub(crate) fn linear_index(size: UVec3, at: UVec3) -> usize {
+    (at.z as usize * size.y as usize + at.y as usize) * size.x as usize + at.x as usize
 }
 
 /// A box of voxels: from `min` up to, but without, `max`.

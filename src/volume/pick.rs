@@ -1,5 +1,6 @@
 //! What a ray meets in a volume: the surface of what is left of its structures.
 
+use super::grid::linear_index;
 use super::structures::Structures;
 use super::{VolumeGrid, VoxelBox};
 use bevy::reflect::Reflect;
@@ -195,7 +196,7 @@ impl VolumePicker {
 
     fn may_be_matter_in(&self, block: DVec3) -> bool {
         let block = block.as_ivec3().clamp(IVec3::ZERO, self.blocks.as_ivec3() - 1).as_uvec3();
-        self.may_be_matter[((block.z * self.blocks.y + block.y) * self.blocks.x + block.x) as usize]
+        self.may_be_matter[linear_index(self.blocks, block)]
     }
 
     /// The cell around a place; beside the grid its outermost voxels continue.

@@ -4,8 +4,9 @@
 //! since the crate's own iterators trust offsets.
 
 use super::{check_counts, finite, malformed};
+use crate::files::{Fetch, excerpt};
 use crate::organ::clean::{RawMesh, Weld};
-use crate::organ::error::{MeshFault, excerpt};
+use crate::organ::error::MeshFault;
 use glam::{DMat4, DQuat, DVec3, Vec2, Vec3};
 use gltf::json::accessor::{ComponentType, Type};
 use gltf::json::mesh::{Mode, Primitive, Semantic};
@@ -13,9 +14,6 @@ use gltf::json::validation::Checked;
 use gltf::json::{self, Index, Root};
 use std::borrow::Cow;
 use std::collections::BTreeMap;
-
-/// Hands out a sibling file by its relative path.
-type Fetch<'a> = &'a mut dyn FnMut(&str) -> Result<Vec<u8>, String>;
 
 type Bytes<'a> = Cow<'a, [u8]>;
 

@@ -8,8 +8,9 @@ mod obj;
 mod ply;
 mod stl;
 
+use crate::files::excerpt;
 use crate::organ::clean::{self, CleanReport, MAX_FACES, MAX_VERTICES, RawMesh, Topology, Weld};
-use crate::organ::error::{MeshError, MeshFault, excerpt};
+use crate::organ::error::{MeshError, MeshFault};
 use crate::organ::mesh::SurfaceMesh;
 use bevy::reflect::Reflect;
 use glam::Vec3;

@@ -1,8 +1,9 @@
 //! Wavefront OBJ. Material libraries are never opened.
 
 use super::{check_counts, finite, malformed};
+use crate::files::excerpt;
 use crate::organ::clean::{RawMesh, Weld};
-use crate::organ::error::{MeshFault, excerpt};
+use crate::organ::error::MeshFault;
 use glam::{Vec2, Vec3};
 
 /// Reads all objects and groups, or the ones called `wanted`.

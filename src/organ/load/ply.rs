@@ -1,8 +1,9 @@
 //! PLY, ASCII and binary in both byte orders.
 
 use super::{check_counts, finite, malformed, push_fan};
+use crate::files::excerpt;
 use crate::organ::clean::RawMesh;
-use crate::organ::error::{MeshFault, excerpt};
+use crate::organ::error::MeshFault;
 use glam::{Vec2, Vec3};
 use ply_rs_bw::parser::{Parser, Reader};
 use ply_rs_bw::ply::{ElementDef, Encoding, Property, PropertyAccess, PropertyAccessResult, PropertyType, ScalarType};

@@ -1,8 +1,9 @@
 //! STL, binary and ASCII.
 
 use super::{check_counts, finite, malformed};
+use crate::files::excerpt;
 use crate::organ::clean::RawMesh;
-use crate::organ::error::{MeshFault, excerpt};
+use crate::organ::error::MeshFault;
 use glam::Vec3;
 use std::borrow::Cow;
 use std::io::Cursor;

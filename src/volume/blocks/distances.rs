@@ -1,7 +1,8 @@
 //! How far each block is from the nearest one that shows.
 
-use super::{BlockRanges, MAX_BLOCK_DISTANCE, place, support_of, touched_by};
+use super::{BlockRanges, MAX_BLOCK_DISTANCE, support_of, touched_by};
 use crate::volume::VoxelBox;
+use crate::volume::grid::linear_index;
 use crate::volume::transfer::TABLE_ENTRIES;
 use bevy::reflect::Reflect;
 use glam::UVec3;
@@ -52,7 +53,11 @@ impl BlockDistances {
 
     /// The distance of a block; [`MAX_BLOCK_DISTANCE`] outside the grid.
     pub fn distance(&self, block: UVec3) -> u8 {
-        if block.cmplt(self.blocks).all() { self.distances[place(block, self.blocks)] } else { MAX_BLOCK_DISTANCE }
+        if block.cmplt(self.blocks).all() {
+            self.distances[linear_index(self.blocks, block)]
+        } else {
+            MAX_BLOCK_DISTANCE
+        }
     }
 
     /// Goes over to another transfer function of the same volume. Returns the blocks whose distances changed, `None` if no
@@ -124,7 +129,7 @@ impl BlockDistances {
         for z in region.min.z..region.max.z {
             for y in region.min.y..region.max.y {
                 let row = window.row(y, z);
-                let start = place(UVec3::new(0, y, z), self.blocks);
+                let start = linear_index(self.blocks, UVec3::new(0, y, z));
                 for (place, &word) in words[row..row + window.words_per_row].iter().enumerate() {
                     let first = (window.first_word + place) as u32 * 64;
                     let mut word = word & bits_of_range(region.min.x, region.max.x, first);

@@ -48,10 +48,5 @@ fn touched_by(voxels: VoxelBox, size: UVec3) -> VoxelBox {
     VoxelBox { min, max: (voxels.max / BLOCK_SIDE + 1).min(blocks_of(size)) }
 }
 
-/// Place of a block in memory.
-fn place(block: UVec3, blocks: UVec3) -> usize {
-    (block.z as usize * blocks.y as usize + block.y as usize) * blocks.x as usize + block.x as usize
-}
-
 #[cfg(test)]
 mod tests;

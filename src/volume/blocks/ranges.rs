@@ -1,6 +1,7 @@
 //! Least and greatest value of every block.
 
-use super::{BLOCK_SIDE, blocks_of, place, support_of};
+use super::{BLOCK_SIDE, blocks_of, support_of};
+use crate::volume::grid::linear_index;
 use crate::volume::transfer::{TABLE_ENTRIES, TransferTable};
 use crate::volume::{Volume, VoxelBox, Voxels};
 use bevy::reflect::Reflect;
@@ -53,7 +54,7 @@ impl BlockRanges {
 
     /// First and last entry that a block's samples can meet; `None` for a block outside the grid.
     pub fn entries(&self, block: UVec3) -> Option<[u16; 2]> {
-        block.cmplt(self.blocks).all().then(|| self.entries[place(block, self.blocks)])
+        block.cmplt(self.blocks).all().then(|| self.entries[linear_index(self.blocks, block)])
     }
 
     /// The entries of all blocks, x fastest.

@@ -1,4 +1,5 @@
 use super::*;
+use crate::volume::grid::linear_index;
 use crate::volume::transfer::{TABLE_ENTRIES, TransferTable};
 use crate::volume::{Volume, VolumeGrid, Voxels};
 use glam::{DVec3, Vec3Swizzles};
@@ -100,7 +101,7 @@ fn brute_force(ranges: &BlockRanges, table: &[[f32; 4]], remaining: &[u8]) -> Ve
             let [first, last] = ranges.entries(block).expect("a block of the grid");
             let support = support_of(VoxelBox { min: block, max: block + 1 }, size);
             let opaque = (first..=last).any(|entry| table[usize::from(entry)][3] > 0.0);
-            opaque && boxes(support.size()).any(|voxel| remaining[place(support.min + voxel, size)] > 0)
+            opaque && boxes(support.size()).any(|voxel| remaining[linear_index(size, support.min + voxel)] > 0)
         })
         .collect();
     boxes(ranges.blocks())
@@ -114,7 +115,7 @@ fn brute_force(ranges: &BlockRanges, table: &[[f32; 4]], remaining: &[u8]) -> Ve
 fn copy_from(remaining: &[u8], size: UVec3) -> impl FnMut(VoxelBox, &mut [u8]) + '_ {
     move |of, into| {
         for (voxel, into) in boxes(of.size()).zip(into) {
-            *into = remaining[place(of.min + voxel, size)];
+            *into = remaining[linear_index(size, of.min + voxel)];
         }
     }
 }
@@ -178,7 +179,7 @@ proptest! {
         for (changed, opacity) in steps {
             let changed = VoxelBox { min: turned(changed.min), max: turned(changed.max) };
             for voxel in boxes(changed.size()) {
-                remaining[place(changed.min + voxel, size)] = opacity;
+                remaining[linear_index(size, changed.min + voxel)] = opacity;
             }
             let before = distances.clone();
             let told = distances.update(changed, copy_from(&remaining, size));

@@ -1,7 +1,7 @@
 //! Distance fields of structures, kept up to date while they are drilled.
 
 use super::super::cut::CutVolume;
-use super::super::grid::{VolumeGrid, VoxelBox};
+use super::super::grid::{VolumeGrid, VoxelBox, linear_index};
 use super::super::structures::Structures;
 use super::transform::{BEYOND, distances, grown, window};
 use bevy::ecs::component::Component;
@@ -59,7 +59,7 @@ impl StructureDistance {
     fn compute(&self, structures: &Structures, cut: &CutVolume, of: VoxelBox) -> Vec<u16> {
         let is_there = |first: UVec3, there: &mut [bool]| {
             let row = VoxelBox { min: first, max: first + UVec3::new(there.len() as u32, 1, 1) };
-            let labels = &structures.labels()[index(self.size, first)..][..there.len()];
+            let labels = &structures.labels()[linear_index(self.size, first)..][..there.len()];
             for (there, &label) in there.iter_mut().zip(labels) {
                 *there = label == self.label;
             }
@@ -113,7 +113,7 @@ impl StructureDistance {
         if voxel.cmplt(self.bounds.min).any() || voxel.cmpge(self.bounds.max).any() {
             return self.band_mm;
         }
-        match self.hundredths_mm[index(self.bounds.size(), voxel - self.bounds.min)] {
+        match self.hundredths_mm[linear_index(self.bounds.size(), voxel - self.bounds.min)] {
             BEYOND => self.band_mm,
             hundredths => f32::from(hundredths) * 0.01,
         }
@@ -130,8 +130,8 @@ impl StructureDistance {
         for z in changed.min.z..changed.max.z {
             for y in changed.min.y..changed.max.y {
                 let first = UVec3::new(changed.min.x, y, z);
-                let labels = &structures.labels()[index(self.size, first)..][..changed.size().x as usize];
-                let known = &self.hundredths_mm[index(self.bounds.size(), first - self.bounds.min)..];
+                let labels = &structures.labels()[linear_index(self.size, first)..][..changed.size().x as usize];
+                let known = &self.hundredths_mm[linear_index(self.bounds.size(), first - self.bounds.min)..];
                 for (place, (&label, &known)) in labels.iter().zip(known).enumerate() {
                     let voxel = first + UVec3::new(place as u32, 0, 0);
                     if label == self.label && is_left(cut, voxel) != (known == 0) {
@@ -151,7 +151,7 @@ impl StructureDistance {
         for (row, found) in found.chunks(width).enumerate() {
             let row = row as u32;
             let voxel = anew.min + UVec3::new(0, row % anew.size().y, row / anew.size().y);
-            let first = index(self.bounds.size(), voxel - self.bounds.min);
+            let first = linear_index(self.bounds.size(), voxel - self.bounds.min);
             self.hundredths_mm[first..first + width].copy_from_slice(found);
         }
         Some(anew)
@@ -214,10 +214,6 @@ impl CriticalDistances {
 
 fn is_left(cut: &CutVolume, voxel: UVec3) -> bool {
     cut.remaining(voxel) >= 0.5
-}
-
-fn index(size: UVec3, voxel: UVec3) -> usize {
-    (voxel.z as usize * size.y as usize + voxel.y as usize) * size.x as usize + voxel.x as usize
 }
 
 fn count(size: UVec3) -> usize {

@@ -1,6 +1,6 @@
 //! Numbers per voxel, stored only where something was cut.
 
-use super::super::grid::VoxelBox;
+use super::super::grid::{VoxelBox, linear_index};
 use glam::{IVec3, UVec3, Vec3};
 use std::sync::Arc;
 
@@ -36,7 +36,7 @@ impl Bricks {
 
     /// Place in the list of a brick by its own coordinates.
     pub fn place(&self, brick: UVec3) -> usize {
-        (brick.z as usize * self.counts.y as usize + brick.y as usize) * self.counts.x as usize + brick.x as usize
+        linear_index(self.counts, brick)
     }
 
     /// Voxels of a brick by its place in the list.

@@ -2,7 +2,7 @@
 //! `gather.rs` what that costs, and here it is taken.
 
 use super::super::data::Volume;
-use super::super::grid::VoxelBox;
+use super::super::grid::{VoxelBox, linear_index};
 use super::super::structures::Structures;
 use super::CutVolume;
 use super::bricks::{LANES, Lanes, SIDE, WHOLE};
@@ -166,7 +166,7 @@ impl CutVolume {
             );
             let at = brick_min + local;
             let counts = self.bricks.counts;
-            let place = (at.z as usize * counts.y as usize + at.y as usize) * counts.x as usize + at.x as usize;
+            let place = linear_index(counts, at);
             let (before, after) = rest.split_at_mut(place + 1 - taken);
             rest = after;
             taken = place + 1;

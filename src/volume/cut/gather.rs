@@ -1,6 +1,6 @@
 //! Which voxels a body takes something of, what that costs, and how far it has to shrink for a budget.
 
-use super::super::grid::VoxelBox;
+use super::super::grid::{VoxelBox, linear_index};
 use super::bricks::{Bricks, LANES, Lanes, SIDE};
 use super::frame::GridFrame;
 use super::sweep::{Body, Tube};
@@ -102,7 +102,7 @@ impl Field<'_> {
     }
 
     fn index(&self, voxel: UVec3) -> usize {
-        (voxel.z as usize * self.size.y as usize + voxel.y as usize) * self.size.x as usize + voxel.x as usize
+        linear_index(self.size, voxel)
     }
 
     /// Bytes of neighbours along x, 0 beyond the grid.

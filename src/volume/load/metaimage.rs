@@ -1,13 +1,14 @@
 //! MetaImage: `.mha` with its voxels behind the header, `.mhd` with a data file. Its space is LPS.
 
 use super::samples::{self, ByteOrder, Element};
-use super::siblings::{Fetch, fetch_named, pattern_names};
+use super::siblings::{gather, pattern_names};
 use super::source::{Packing, Source};
 use super::text::{numbers, product, sides, spacing, whole};
 use super::{LoadReport, Parsed, VolumeFormat, VolumeLoadOptions};
 use super::{checked_size, choose_frame, malformed, placed_grid, unsupported};
+use crate::files::{Fetch, excerpt};
 use crate::volume::VolumeGrid;
-use crate::volume::error::{VolumeFault, excerpt};
+use crate::volume::error::VolumeFault;
 use glam::{DVec3, UVec3};
 use std::borrow::Cow;
 
@@ -251,22 +252,10 @@ impl Data {
             _ if named.contains('%') => pattern_names(field, named)?,
             _ => vec![named.to_string()],
         };
-        let count = names.len() as u64;
-        if count == 0 || !total.is_multiple_of(count * self.element.bytes()) {
-            let reason = format!("it names {count} files, but the voxels cannot be shared out evenly among so many");
-            return Err(malformed(field, reason));
-        }
-        let mut all = Vec::new();
-        for name in &names {
-            let bytes = fetch_named(name, fetch)?;
-            let what = format!("voxels in `{}`", excerpt(name));
-            let piece = self.piece(&bytes, total / count, &what)?;
-            match count {
-                1 => all = piece.into_owned(),
-                _ => all.extend_from_slice(&piece),
-            }
-        }
-        Ok(Cow::Owned(all))
+        gather(field, &names, total, self.element.bytes(), fetch, |bytes, expected, what| {
+            self.piece(bytes, expected, what)
+        })
+        .map(Cow::Owned)
     }
 
     /// The bytes of voxels that one file holds; `expected` is how many.

@@ -24,12 +24,12 @@ mod text;
 
 pub use stack::stack_grid;
 
-use super::error::{DicomSeries, VolumeError, VolumeFault, excerpt};
+use super::error::{DicomSeries, VolumeError, VolumeFault};
 use super::{Volume, VolumeGrid, Voxels, check_size};
+use crate::files::{Fetch, excerpt};
 use bevy::reflect::Reflect;
 use glam::{DAffine3, DMat3, DVec3, UVec3};
 use serde::{Deserialize, Serialize};
-use siblings::Fetch;
 use std::fmt;
 use std::ops::RangeInclusive;
 use std::path::Path;

@@ -1,8 +1,9 @@
 //! Numbers of any type, from bytes or text, stored as narrowly as they allow.
 
 use super::malformed;
+use crate::files::excerpt;
 use crate::volume::Voxels;
-use crate::volume::error::{VolumeFault, excerpt};
+use crate::volume::error::VolumeFault;
 use std::borrow::Cow;
 
 /// Type of a number in a file.

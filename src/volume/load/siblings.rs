@@ -2,19 +2,49 @@
 
 use super::malformed;
 use super::text::whole;
-use crate::volume::error::{VolumeFault, excerpt};
-
-/// Gives out the bytes of a file beside the header, or says why not.
-pub(super) type Fetch<'a> = &'a mut dyn FnMut(&str) -> Result<Vec<u8>, String>;
+use crate::files::{Fetch, excerpt};
+use crate::volume::error::VolumeFault;
+use std::borrow::Cow;
 
 /// Most files that one volume is spread over: one per slice, several times over.
 const MAX_FILES: u64 = 1 << 14;
 
-/// Fetches a file that a header names.
-pub(super) fn fetch_named(
-    named: &str,
-    fetch: &mut dyn FnMut(&str) -> Result<Vec<u8>, String>,
+/// The voxels of the files that a header names in `field`, one after the other: `total` bytes, the same share in each.
+/// `piece` finds in a file's bytes those of its voxels; it is told how many belong there, and what to call them.
+pub(super) fn gather(
+    field: &str,
+    names: &[String],
+    total: u64,
+    element_bytes: u64,
+    fetch: Fetch<'_>,
+    mut piece: impl for<'f> FnMut(&'f [u8], u64, &str) -> Result<Cow<'f, [u8]>, VolumeFault>,
 ) -> Result<Vec<u8>, VolumeFault> {
+    let count = names.len() as u64;
+    if count == 0 || !total.is_multiple_of(count * element_bytes) {
+        let reason = format!("it names {count} files, but the voxels cannot be shared out evenly among so many");
+        return Err(malformed(field, reason));
+    }
+    let mut all = Vec::new();
+    for (place, name) in names.iter().enumerate() {
+        let bytes = match fetch_named(name, fetch) {
+            Ok(bytes) => bytes,
+            Err(fault) => {
+                // Who cannot answer at once is told of all the files, and not of one at each reading of the header.
+                names[place + 1..].iter().for_each(|name| drop(fetch_named(name, fetch)));
+                return Err(fault);
+            }
+        };
+        let voxels = piece(&bytes, total / count, &format!("voxels in `{}`", excerpt(name)))?;
+        match count {
+            1 => all = voxels.into_owned(),
+            _ => all.extend_from_slice(&voxels),
+        }
+    }
+    Ok(all)
+}
+
+/// Fetches a file that a header names.
+pub(super) fn fetch_named(named: &str, fetch: Fetch<'_>) -> Result<Vec<u8>, VolumeFault> {
     let path = inside(named)?;
     fetch(&path).map_err(|reason| VolumeFault::MissingFile { path: excerpt(named), reason: excerpt(&reason) })
 }

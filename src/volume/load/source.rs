@@ -1,7 +1,8 @@
 //! Bytes of voxels, packed or not, that are read only as far as the header's size needs.
 
 use super::malformed;
-use crate::volume::error::{VolumeFault, excerpt};
+use crate::files::excerpt;
+use crate::volume::error::VolumeFault;
 use flate2::bufread::{MultiGzDecoder, ZlibDecoder};
 use std::borrow::Cow;
 use std::io::{ErrorKind, Read};

@@ -1,7 +1,8 @@
 //! Stacks of PNG or JPEG pictures, one per slice.
 
 use super::{LoadReport, Parsed, SliceFault, VolumeFormat, VolumeLoadOptions, checked_size, malformed};
-use crate::volume::error::{VolumeFault, excerpt};
+use crate::files::excerpt;
+use crate::volume::error::VolumeFault;
 use crate::volume::{MAX_SIDE, VolumeGrid, Voxels};
 use glam::{DAffine3, DMat3, DVec3, UVec3};
 use image::{ColorType, DynamicImage, ImageDecoder, ImageFormat, ImageReader, Limits};

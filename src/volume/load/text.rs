@@ -1,7 +1,8 @@
 //! Numbers in the text of a header.
 
 use super::malformed;
-use crate::volume::error::{VolumeFault, excerpt};
+use crate::files::excerpt;
+use crate::volume::error::VolumeFault;
 
 /// A whole number.
 pub(super) fn whole(field: &str, text: &str) -> Result<i64, VolumeFault> {

@@ -4,8 +4,8 @@ use super::gpu::VolumeTextures;
 use super::shown::{ShownVolume, all_blocks};
 use super::texels::{field_format, field_texels, gradient_texels};
 use crate::render::finite_within;
-use crate::volume::transfer::ColourSource;
-use crate::volume::transfer::colours;
+use crate::volume::grid::linear_index;
+use crate::volume::transfer::{ColourSource, colours};
 use crate::volume::{CtVolume, CutVolume, MAX_CLIP_PLANES, Volume, VolumeLook, VoxelBox};
 use bevy::camera::primitives::Aabb;
 use bevy::camera::visibility::RenderLayers;
@@ -174,7 +174,7 @@ fn block_texels(shown: &ShownVolume, of: VoxelBox) -> TexelUpload {
     let mut texels = Vec::with_capacity(of.count());
     for z in of.min.z..of.max.z {
         for y in of.min.y..of.max.y {
-            let first = ((z * blocks.y + y) * blocks.x + of.min.x) as usize;
+            let first = linear_index(blocks, UVec3::new(of.min.x, y, z));
             texels.extend_from_slice(&shown.distances.distances()[first..first + size.x as usize]);
         }
     }

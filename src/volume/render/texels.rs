@@ -4,6 +4,7 @@
 //! per voxel and again near the burr, and not per pixel: to interpolate them is the same as to take differences of the
 //! interpolated field, and a sample costs one look-up more instead of six.
 
+use crate::volume::grid::linear_index;
 use crate::volume::software::encoded;
 use crate::volume::{CutVolume, Volume, VoxelBox, Voxels};
 use bevy::render::render_resource::TextureFormat;
@@ -68,7 +69,7 @@ pub fn gradient_texels(volume: &Volume, cut: &CutVolume, of: VoxelBox) -> Vec<u8
         let span = around.size();
         let at = |voxel: UVec3| {
             let v = voxel.clamp(around.min, around.max - 1) - around.min;
-            field[((v.z * span.y + v.y) * span.x + v.x) as usize]
+            field[linear_index(span, v)]
         };
         for z in 0..count {
             for y in 0..size.y {

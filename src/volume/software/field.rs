@@ -1,5 +1,6 @@
 //! The voxels as the passes sample them.
 
+use crate::volume::grid::linear_index;
 use crate::volume::{Volume, VoxelBox};
 use bevy::reflect::Reflect;
 use glam::{IVec3, UVec3, Vec3, Vec3A};
@@ -95,7 +96,7 @@ impl RenderField {
     }
 
     fn place(&self, voxel: UVec3) -> usize {
-        (voxel.z as usize * self.size.y as usize + voxel.y as usize) * self.size.x as usize + voxel.x as usize
+        linear_index(self.size, voxel)
     }
 
     /// Normalized value at voxel coordinates, 0 to 1.

@@ -1,6 +1,7 @@
 //! One DICOM file: the few attributes that a volume needs, and its pixels as they are packed.
 
-use crate::volume::error::{VolumeFault, excerpt};
+use crate::files::excerpt;
+use crate::volume::error::VolumeFault;
 use crate::volume::load::text::number;
 use crate::volume::load::{malformed, unsupported};
 use dicom_core::Tag;

@@ -2,7 +2,8 @@
 
 use super::file::{Pixels, Slice};
 use super::guard::Expected;
-use crate::volume::error::{VolumeFault, excerpt};
+use crate::files::excerpt;
+use crate::volume::error::VolumeFault;
 use crate::volume::load::{malformed, unsupported};
 use dicom_core::{DataElement, PrimitiveValue, Tag, VR, value::PixelFragmentSequence};
 use dicom_object::{FileMetaTableBuilder, InMemDicomObject};

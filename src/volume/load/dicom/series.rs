@@ -2,7 +2,8 @@
 
 use super::file::{DataSet, Pixels, Slice};
 use super::{is_dicom, pixels};
-use crate::volume::error::{DicomSeries, VolumeFault, excerpt};
+use crate::files::excerpt;
+use crate::volume::error::{DicomSeries, VolumeFault};
 use crate::volume::load::{LoadReport, Parsed, SliceFault, VolumeFormat, VolumeLoadOptions};
 use crate::volume::load::{checked_size, malformed, placed_grid, samples, shown};
 use crate::volume::{VolumeGrid, Voxels};

@@ -5,13 +5,14 @@
 mod header;
 
 use super::samples::{self, Element};
-use super::siblings::{Fetch, fetch_named};
+use super::siblings::fetch_named;
 use super::source::Source;
 use super::text::{product, spacing};
 use super::{LPS_FROM_RAS, LoadReport, Parsed, VolumeLoadOptions};
 use super::{checked_size, choose_frame, malformed, placed_grid, shown, unsupported};
+use crate::files::{Fetch, excerpt};
 use crate::volume::VolumeGrid;
-use crate::volume::error::{VolumeFault, excerpt};
+use crate::volume::error::VolumeFault;
 use glam::{DMat3, DQuat, DVec3, UVec3};
 use header::Header;
 

@@ -1,6 +1,7 @@
 //! The text of an NRRD header.
 
-use crate::volume::error::{VolumeFault, excerpt};
+use crate::files::excerpt;
+use crate::volume::error::VolumeFault;
 use crate::volume::load::malformed;
 use crate::volume::load::text::whole;
 use std::borrow::Cow;

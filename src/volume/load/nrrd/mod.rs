@@ -6,11 +6,12 @@ mod header;
 mod place;
 
 use super::samples::{self, ByteOrder, Element};
-use super::siblings::{Fetch, fetch_named, pattern_names};
+use super::siblings::{gather, pattern_names};
 use super::source::{Packing, Source};
 use super::text::{product, sides, whole};
 use super::{LoadReport, Parsed, VolumeFormat, VolumeLoadOptions, checked_size, choose_frame, malformed, unsupported};
-use crate::volume::error::{VolumeFault, excerpt};
+use crate::files::{Fetch, excerpt};
+use crate::volume::error::VolumeFault;
 use header::{Attached, Header};
 use place::Axis;
 use std::borrow::Cow;
@@ -190,22 +191,10 @@ impl Data<'_> {
             Attached::List(names) => names.iter().map(ToString::to_string).collect(),
             Attached::Pattern(pattern) => pattern_names("data file", pattern)?,
         };
-        let count = names.len() as u64;
-        if count == 0 || !total.is_multiple_of(count * self.element.bytes()) {
-            let reason = format!("it names {count} files, but the voxels cannot be shared out evenly among so many");
-            return Err(malformed("data file", reason));
-        }
-        let mut all = Vec::new();
-        for name in &names {
-            let bytes = fetch_named(name, fetch)?;
-            let what = format!("voxels in `{}`", excerpt(name));
-            let piece = self.piece(&bytes, total / count, &what)?;
-            match count {
-                1 => all = piece.into_owned(),
-                _ => all.extend_from_slice(&piece),
-            }
-        }
-        Ok(Cow::Owned(all))
+        gather("data file", &names, total, self.element.bytes(), fetch, |bytes, expected, what| {
+            self.piece(bytes, expected, what)
+        })
+        .map(Cow::Owned)
     }
 
     /// The bytes of voxels that one file holds; `expected` is how many.

@@ -1,8 +1,9 @@
 //! What the axes of an NRRD mean, and where its voxels lie.
 
 use super::header::Header;
+use crate::files::excerpt;
 use crate::volume::VolumeGrid;
-use crate::volume::error::{VolumeFault, excerpt};
+use crate::volume::error::VolumeFault;
 use crate::volume::load::text::{number, numbers, spacing};
 use crate::volume::load::{LPS_FROM_RAS, malformed, placed_grid, unsupported};
 use glam::{DVec3, UVec3};
