@@ -6,7 +6,8 @@
 
 // Value as a share of the range, and what drilling left of the opacity.
 @group(1) @binding(1) var field: texture_3d<f32>;
-// Gradient of their product, divided by the square root of its length.
+// Gradient of their product, divided by the square root of its length. Signed: software drivers interpolate unsigned
+// numbers of 8 bits faster, but to 8 bits only, which shows in reflections.
 @group(1) @binding(2) var gradients: texture_3d<f32>;
 @group(1) @binding(3) var linear_sampler: sampler;
 // Linear colour and opacity of a step, by value.
@@ -27,8 +28,12 @@ struct Sample {
     opacity: f32,
 }
 
-fn sample_at(voxel: vec3<f32>) -> Sample {
-    let place = (voxel + 0.5) / volume.size;
+// Texture coordinates of a place.
+fn place_of(voxel: vec3<f32>) -> vec3<f32> {
+    return (voxel + 0.5) / volume.size;
+}
+
+fn sample_at(place: vec3<f32>) -> Sample {
     let value = textureSampleLevel(field, linear_sampler, place, 0.0).rg;
     let looked_up = textureLoad(table, vec2(i32(value.x * ENTRIES + 0.5), 0), 0);
 #ifdef OWN_COLOURS
@@ -39,8 +44,8 @@ fn sample_at(voxel: vec3<f32>) -> Sample {
     return Sample(colour, looked_up.a * value.y);
 }
 
-fn gradient_at(voxel: vec3<f32>) -> vec3<f32> {
-    return textureSampleLevel(gradients, linear_sampler, (voxel + 0.5) / volume.size, 0.0).rgb;
+fn gradient_at(place: vec3<f32>) -> vec3<f32> {
+    return textureSampleLevel(gradients, linear_sampler, place, 0.0).rgb;
 }
 
 // Depth of the opaque scene behind a pixel of the viewport, metres. Of several samples the farthest counts: the others

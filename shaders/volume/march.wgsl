@@ -1,8 +1,10 @@
-// Walks a ray per pixel through a volume. Software drivers execute both sides of a branch, and the body of a loop at
-// least once; what is to be skipped is therefore left by the end of a loop. CPU twin: `volume/software/march.rs`.
+// Walks a ray per pixel through a volume. CPU twin: `volume/software/march.rs`.
+//
+// One loop, and in it one look at the blocks, one jump and one sample: pixels next to each other run in lockstep, and with
+// loops inside the loop each waits where the others still jump or sample, which took half as long again.
 
 #import bevy_surgery::volume::{NOTHING, covering_triangle, normal_of, ray_through, relative_depth, volume}
-#import bevy_surgery::volume_field::{gradient_at, sample_at, scene_depth_m}
+#import bevy_surgery::volume_field::{gradient_at, place_of, sample_at, scene_depth_m}
 
 // How far from each block of 4^3 voxels the next one is that may show something, in blocks; 0 for such a block.
 @group(1) @binding(6) var blocks: texture_3d<u32>;
@@ -47,55 +49,43 @@ fn fragment(@builtin(position) at: vec4<f32>) -> Buffers {
     }
     var k = ceil(first_m / volume.step_m);
     let last = min(floor(last_m / volume.step_m), k + 8192.0);
+    // Places and blocks by number of steps.
+    let first_place = place_of(ray.origin);
+    let step_place = along * volume.step_m / volume.size;
+    let first_block = (ray.origin + 0.5) * 0.25;
+    let step_block = along * (volume.step_m * 0.25);
+    let inverse_block = 1.0 / step_block;
     var colour = vec3(0.0);
     var opacity = 0.0;
     var gradient = vec3(0.0);
     var depth = 0.0;
-    var is_done = k > last;
+    // Samples up to this one lie in a block that may show something.
+    var known = k - 1.0;
     loop {
-        // To the next block that may show something.
-        var leave_m = 0.0;
-        loop {
-            let voxel = ray.origin + along * (k * volume.step_m);
-            let block = floor((voxel + 0.5) * 0.25);
+        if k > known {
+            let block = floor(first_block + step_block * k);
             let distance = f32(textureLoad(blocks, vec3<i32>(block), 0).r);
             let reach = max(distance - 1.0, 0.0);
-            let exit = select(block - reach, block + reach + 1.0, along > vec3(0.0)) * 4.0 - 0.5;
-            let exits_m = (exit - ray.origin) * inverse;
-            leave_m = min(exits_m.x, min(exits_m.y, exits_m.z));
-            k = select(k, max(k + 1.0, ceil(leave_m / volume.step_m)), distance > 0.0);
-            continuing {
-                break if distance == 0.0 || k > last;
-            }
+            let exit = select(block - reach, block + reach + 1.0, along > vec3(0.0));
+            let exits = (exit - first_block) * inverse_block;
+            let leave = min(exits.x, min(exits.y, exits.z));
+            let is_empty = distance > 0.0;
+            k = select(k, max(k + 1.0, ceil(leave)), is_empty);
+            known = select(leave, k, is_empty);
         }
-        // Through that block.
-        let block_last = min(leave_m / volume.step_m, last);
-        loop {
-            // To the next sample that shows: only there a gradient is wanted.
-            var voxel = vec3(0.0);
-            var here_colour = vec3(0.0);
-            var weight = 0.0;
-            loop {
-                voxel = ray.origin + along * (k * volume.step_m);
-                let here = sample_at(voxel);
-                here_colour = here.colour;
-                weight = select((1.0 - opacity) * here.opacity, 0.0, k > last);
-                k += 1.0;
-                continuing {
-                    break if weight > 0.0 || k > block_last;
-                }
-            }
-            colour += weight * here_colour;
-            gradient += weight * gradient_at(voxel);
-            depth += weight * (k - 1.0);
-            opacity += weight;
-            continuing {
-                break if opacity > OPAQUE || k > block_last;
-            }
+        // After a jump it may show nothing; then the block that it is in is looked at next.
+        let place = first_place + step_place * k;
+        let here = sample_at(place);
+        let weight = select((1.0 - opacity) * here.opacity, 0.0, k > last);
+        if weight > 0.0 {
+            gradient += weight * gradient_at(place);
         }
-        is_done = opacity > OPAQUE || k > last;
+        colour += weight * here.colour;
+        depth += weight * k;
+        opacity += weight;
+        k += 1.0;
         continuing {
-            break if is_done;
+            break if opacity > OPAQUE || k > last;
         }
     }
     let end_m = min(k, last) * volume.step_m;

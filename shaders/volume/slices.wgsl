@@ -2,7 +2,7 @@
 // CPU twin: `volume/software/slices.rs`.
 
 #import bevy_surgery::volume::{ray_through, relative_depth, volume}
-#import bevy_surgery::volume_field::{gradient_at, sample_at, scene_depth_m}
+#import bevy_surgery::volume_field::{gradient_at, place_of, sample_at, scene_depth_m}
 #import bevy_render::view::View
 
 @group(0) @binding(0) var<uniform> view: View;
@@ -36,7 +36,8 @@ fn fragment(in: Varying) -> Blended {
     let depth_m = in.k * volume.step_m;
     let ray = ray_through(pixel);
     let voxel = ray.origin + ray.along * depth_m;
-    let sample = sample_at(voxel);
+    let place = place_of(voxel);
+    let sample = sample_at(place);
     // The polygons are a little larger than the box: it ends for slices where it ends for rays.
     var is_hidden = depth_m > scene_depth_m(pixel) || any(voxel < volume.low) || any(voxel > volume.high);
     for (var plane = 0u; plane < volume.clip_plane_count; plane++) {
@@ -45,7 +46,7 @@ fn fragment(in: Varying) -> Blended {
     let opacity = select(sample.opacity, 0.0, is_hidden);
     return Blended(
         vec4(opacity * sample.colour, opacity),
-        vec4(opacity * gradient_at(voxel), opacity),
+        vec4(opacity * gradient_at(place), opacity),
         vec4(opacity * relative_depth(depth_m), 0.0, 0.0, opacity),
     );
 }
