@@ -15,7 +15,7 @@ use bevy::render::view::screenshot::{Screenshot, ScreenshotCaptured};
 use bevy::render::{RenderApp, RenderPlugin};
 use bevy_surgery::SurgeryPlugins;
 use bevy_surgery::testing::headless_render_plugins;
-use bevy_surgery::view::ScopeMask;
+use bevy_surgery::view::{ScopeMask, StereoPair};
 use bevy_surgery::volume::{CtVolume, VolumeLook, VolumeMethod};
 use std::sync::{Arc, Mutex};
 
@@ -70,6 +70,23 @@ fn an_unchanged_view_costs_nothing() {
         assert_eq!(stage.uploaded(), 0, "{method:?}: a moved camera uploads nothing");
         assert_is_up_to_date(&mut stage, "moved camera");
     }
+}
+
+#[test]
+fn two_eyes_that_see_the_same_cost_nothing() {
+    let mut stage = specimen_stage();
+    let camera = stage.camera;
+    stage.set(camera, StereoPair::default());
+    stage.set(camera, ScopeMask::default());
+    stage.app.warm_up();
+    // The second frame knows where the halves of the target are.
+    stage.redrawn();
+    for _ in 0..3 {
+        assert_eq!(stage.redrawn(), [0, 0]);
+    }
+    stage.aim(Vec3::new(0.03, 0.02, 0.09), Vec3::ZERO);
+    let [walked, _] = stage.redrawn();
+    assert!(walked > ALL / 8, "{walked} pixels");
 }
 
 #[test]
