@@ -83,7 +83,9 @@ fn touch(mut drill: ResMut<Drill>, picking: VolumePicking, mut strokes: MessageW
     // A hand does not jump; where it was lifted over to another place it begins anew.
     let near = before.filter(|before| before.centre_m.distance(wanted_m) < 4.0 * radius_m);
     let centre_m = near.map_or(wanted_m, |near| near.centre_m.lerp(wanted_m, 0.35));
-    let pose = BurrPose { centre_m, axis: aim.shaft };
+    let axis = free_shaft(&picking, centre_m, radius_m, &aim);
+    let axis = near.and_then(|near| near.axis.lerp(axis, 0.2).try_normalize()).unwrap_or(axis);
+    let pose = BurrPose { centre_m, axis };
     drill.pose = Some(pose);
     drill.was_on = drill.is_on;
     if drill.is_on {
@@ -114,6 +116,18 @@ fn rest_on_bone(picking: &VolumePicking, ray: Ray3d, radius_m: f32) -> Option<(E
         Some((hit.volume, hit.distance_m - radius_m * (1.0 - share * share).sqrt()))
     });
     touches.min_by(|a, b| a.1.total_cmp(&b.1))
+}
+
+/// How the drill is held so that its shaft does not go through bone: steeper in a narrow cavity, down to the line of sight.
+fn free_shaft(picking: &VolumePicking, centre_m: Vec3, radius_m: f32, aim: &Aim) -> Vec3 {
+    const TILTS: u32 = 6;
+    let tilted = (0..=TILTS).map(|tilt| {
+        let steeper = aim.shaft.lerp(-*aim.ray.direction, tilt as f32 / TILTS as f32);
+        Dir3::new(steeper).unwrap_or(-aim.ray.direction)
+    });
+    let is_free =
+        |shaft: &Dir3| picking.cast_ray(Ray3d::new(centre_m + *shaft * (1.5 * radius_m), *shaft), 0.06).is_none();
+    Vec3::from(tilted.clone().find(is_free).unwrap_or(-aim.ray.direction))
 }
 
 /// Looks for critical structures around the burr.

@@ -3,11 +3,13 @@
 use super::phantom::{PLENTY_N, ball, resting, structure};
 use bevy_surgery::volume::critical::{CriticalDistances, StructureDistance};
 use bevy_surgery::volume::cut::{BurrPose, CutVolume};
+use bevy_surgery::volume::load::load_path;
 use bevy_surgery::volume::structures::Structures;
 use bevy_surgery::volume::{Volume, VolumeGrid, Voxels};
 use glam::{DAffine3, DMat3, DVec3, UVec3, Vec3};
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg32;
+use rayon::prelude::*;
 
 const BAND_MM: f32 = 2.5;
 
@@ -175,6 +177,35 @@ fn the_nearest_of_all_is_found() {
 }
 
 #[test]
+fn a_burr_outside_the_grid_is_warned_as_well() {
+    let grid = slabs();
+    let mut labels = vec![1u8; grid.count()];
+    // A nerve that runs along the grid's side.
+    let nerve = [UVec3::new(0, 12, 9), UVec3::new(0, 13, 9), UVec3::new(0, 13, 10)];
+    nerve.iter().for_each(|&voxel| labels[grid.index(voxel)] = 2);
+    let list = ["bone", "nerve"].map(|name| structure(name, 1.0, name == "nerve")).to_vec();
+    let structures = Structures::new(list, labels, vec![255; grid.count()]).expect("structures");
+    let cut = CutVolume::new(grid.size);
+    let field = StructureDistance::build(&grid, &structures, &cut, 2, BAND_MM).expect("a nerve");
+    let spacing_mm = grid.spacing_mm().as_vec3();
+    let mut within = 0;
+    for place in voxels(UVec3::new(9, 20, 14)) {
+        let voxel = place.as_vec3() + Vec3::new(-9.0, 2.0, 2.0);
+        let distances_mm = nerve.iter().map(|nerve| ((voxel - nerve.as_vec3()) * spacing_mm).length());
+        let expected_mm = distances_mm.fold(f32::INFINITY, f32::min);
+        match field.distance_mm(voxel) {
+            // What lies in the side itself is at a right angle, so that the bound is exact.
+            Some(mm) => {
+                within += 1;
+                assert!((mm - expected_mm).abs() < 0.0051, "{voxel}: {mm} mm, not {expected_mm}");
+            }
+            None => assert!(expected_mm > BAND_MM - 0.006, "{voxel}: {expected_mm} mm"),
+        }
+    }
+    assert!(within > 300, "{within} places in the band");
+}
+
+#[test]
 fn skewed_grids_warn_rather_early_than_late() {
     let axes = DMat3::from_cols(DVec3::new(0.4, 0.0, 0.0), DVec3::new(0.1, 0.4, 0.0), DVec3::new(0.0, 0.12, 0.5));
     let grid = VolumeGrid { size: UVec3::new(30, 30, 30), lps_mm_from_voxel: DAffine3::from_mat3(axes) };
@@ -190,4 +221,44 @@ fn skewed_grids_warn_rather_early_than_late() {
             None => assert!(expected > f64::from(BAND_MM) - 0.006),
         }
     }
+}
+
+#[test]
+fn the_real_bones_structures_are_where_they_are() {
+    let Some(path) = crate::support::real_file("ct/temporal-bone-png") else { return };
+    let (bone, _) = load_path(path, &Default::default()).expect("the real bone");
+    let structures = Structures::for_volume(&bone).expect("it has a palette");
+    let grid = bone.grid();
+    let cut = CutVolume::new(grid.size);
+    let all = CriticalDistances::build(grid, &structures, &cut, 6.0);
+    assert!(all.fields().len() > 10, "{} critical structures", all.fields().len());
+    let spacing_mm = grid.spacing_mm().as_vec3();
+    let mut rng = Pcg32::seed_from_u64(8);
+    let mut within = 0;
+    for place in 0..150 {
+        // Also outside of the grid's sides, where a burr rests on sawn bone.
+        let field = &all.fields()[place % all.fields().len()];
+        let (low, high) = (field.bounds().min.as_vec3() - 6.0, field.bounds().max.as_vec3() + 6.0);
+        let voxel = Vec3::from_array([0, 1, 2].map(|axis| rng.random_range(low[axis]..high[axis]).round()));
+        let to = |(place, &label): (usize, &u8)| {
+            if label != field.label() {
+                return f32::INFINITY;
+            }
+            let [place, width, height] = [place as u32, grid.size.x, grid.size.y];
+            let at = UVec3::new(place % width, place / width % height, place / (width * height));
+            ((at.as_vec3() - voxel) * spacing_mm).length()
+        };
+        let nearest_mm = structures.labels().par_iter().enumerate().map(to).reduce(|| f32::INFINITY, f32::min);
+        let is_inside = voxel.cmpge(Vec3::ZERO).all() && voxel.cmplt(grid.size.as_vec3()).all();
+        // Outside it is a lower bound.
+        let least_mm = if is_inside { nearest_mm } else { 0.7 * nearest_mm };
+        match field.distance_mm(voxel) {
+            Some(mm) => {
+                within += 1;
+                assert!(mm < nearest_mm + 0.01 && mm > least_mm - 0.01, "{voxel}: {mm} mm, not {nearest_mm}");
+            }
+            None => assert!(nearest_mm > 5.99, "label {} at {voxel}: {nearest_mm} mm", field.label()),
+        }
+    }
+    assert!(within > 15, "{within} distances within the band");
 }

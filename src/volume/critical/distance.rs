@@ -88,14 +88,18 @@ impl StructureDistance {
         self.bounds
     }
 
-    /// Distance from a point in voxel coordinates, trilinear, millimetres; none beyond the band and outside the grid.
+    /// Distance from a point in voxel coordinates, trilinear, millimetres; none beyond the band.
+    ///
+    /// Outside the grid, where the middle of a burr is that touches bone at the grid's side, it is a lower bound: as if the
+    /// structure lay at a right angle to the way into the grid.
     pub fn distance_mm(&self, voxel: Vec3) -> Option<f32> {
-        let inside = voxel.cmpge(Vec3::splat(-0.5)).all() && voxel.cmple(self.size.as_vec3() - 0.5).all();
+        let inside = voxel.clamp(Vec3::ZERO, self.size.as_vec3() - 1.0);
+        let outside_mm = ((voxel - inside) * self.spacing_mm).length();
         let (low, high) = (self.bounds.min.as_vec3() - 1.0, self.bounds.max.as_vec3());
-        if !inside || voxel.cmplt(low).any() || voxel.cmpgt(high).any() {
+        if voxel.is_nan() || inside.cmplt(low).any() || inside.cmpgt(high).any() {
             return None;
         }
-        let voxel = voxel.clamp(Vec3::ZERO, self.size.as_vec3() - 1.0);
+        let voxel = inside;
         let low = voxel.floor();
         let part = voxel - low;
         let low = low.as_uvec3();
@@ -104,7 +108,8 @@ impl StructureDistance {
         let mix = |a: f32, b: f32, t: f32| a + (b - a) * t;
         let row = |y, z| mix(at(low.x, y, z), at(high.x, y, z), part.x);
         let plane = |z| mix(row(low.y, z), row(high.y, z), part.y);
-        let mm = mix(plane(low.z), plane(high.z), part.z);
+        let inside_mm = mix(plane(low.z), plane(high.z), part.z);
+        let mm = inside_mm.hypot(outside_mm);
         (mm < self.band_mm).then_some(mm)
     }
 
