@@ -30,6 +30,7 @@ mod view;
 mod view_shadows;
 mod view_stereo;
 mod volume_drill;
+mod volume_ecs;
 mod volume_load;
 mod volume_pass;
 mod volume_phantom;

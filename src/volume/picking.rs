@@ -1,7 +1,7 @@
 //! Picking volumes in the ECS: rays of the world find the nearest bone that is left, without any rendering.
 
 use super::pick::{VolumeHit, VolumePicker};
-use super::{CtVolume, CutVolume, PrepareCuts, Volume};
+use super::{CtVolume, CutVolume, MAX_CLIP_PLANES, PrepareCuts, Volume, VolumeLook};
 use bevy::ecs::system::SystemParam;
 use bevy::prelude::*;
 use std::sync::Arc;
@@ -27,18 +27,39 @@ pub struct VolumeHitInWorld {
 #[reflect(Component, Clone, Debug)]
 pub struct PickedVolume(pub VolumePicker);
 
-/// Finds volumes with rays, as they are since the last step.
+type Pickable =
+    (Entity, &'static PickedVolume, &'static CutVolume, &'static GlobalTransform, Option<&'static VolumeLook>);
+
+/// Finds volumes with rays, as they are since the last step: what is left of them and not clipped away.
 #[derive(SystemParam)]
 pub struct VolumePicking<'w, 's> {
-    volumes:
-        Query<'w, 's, (Entity, &'static PickedVolume, &'static CutVolume, &'static GlobalTransform), With<CtVolume>>,
+    volumes: Query<'w, 's, Pickable, With<CtVolume>>,
+}
+
+/// The part of a ray inside a volume's clip planes, metres from its origin, and the plane where that part begins.
+fn unclipped(origin: Vec3, direction: Vec3, most_m: f32, look: Option<&VolumeLook>) -> (f32, f32, Option<Vec4>) {
+    let (mut from, mut to, mut side) = (0.0, most_m, None);
+    for plane in look.iter().flat_map(|look| look.clip_planes.iter().take(MAX_CLIP_PLANES)) {
+        let start = plane.truncate().dot(origin) + plane.w;
+        let slope = plane.truncate().dot(direction);
+        let meets = -start / slope;
+        if slope > 0.0 && meets > from {
+            (from, side) = (meets, Some(*plane));
+        } else if slope < 0.0 {
+            to = f32::min(to, meets);
+        } else if slope == 0.0 && start < 0.0 {
+            to = f32::NEG_INFINITY;
+        }
+    }
+    (from, to, side)
 }
 
 impl VolumePicking<'_, '_> {
-    /// The first volume whose bone a ray in the world meets within a distance in metres.
+    /// The first volume whose bone a ray in the world meets within a distance in metres. Where a clip plane of its
+    /// [`VolumeLook`] cuts through bone, that is its surface.
     pub fn cast_ray(&self, ray: Ray3d, max_distance_m: f32) -> Option<VolumeHitInWorld> {
         let mut nearest: Option<VolumeHitInWorld> = None;
-        for (entity, PickedVolume(picker), cut, transform) in &self.volumes {
+        for (entity, PickedVolume(picker), cut, transform, look) in &self.volumes {
             let world_from_volume = transform.affine();
             let volume_from_world = world_from_volume.inverse();
             let origin = volume_from_world.transform_point3(ray.origin);
@@ -48,7 +69,18 @@ impl VolumePicking<'_, '_> {
                 continue;
             }
             let most_m = nearest.map_or(max_distance_m, |hit| hit.distance_m) * metres_per_metre;
-            let Some(hit) = picker.pick(origin, along, most_m, |voxel| cut.remaining(voxel)) else { continue };
+            let direction = along / metres_per_metre;
+            let (from_m, to_m, side) = unclipped(origin, direction, most_m, look);
+            if from_m > to_m {
+                continue;
+            }
+            let origin = origin + direction * from_m;
+            let hit = picker.pick(origin, direction, to_m - from_m, |voxel| cut.remaining(voxel));
+            let Some(mut hit) = hit else { continue };
+            if let Some(plane) = side.filter(|_| hit.distance_m == 0.0) {
+                hit.normal = -plane.truncate().normalize_or_zero();
+            }
+            hit.distance_m += from_m;
             let distance_m = hit.distance_m / metres_per_metre;
             let is_nearer = nearest
                 .is_none_or(|other| distance_m.total_cmp(&other.distance_m).then(entity.cmp(&other.volume)).is_lt());

@@ -210,3 +210,23 @@ fn a_volume_has_its_own_colours_in_linear_light() {
     assert_eq!((r, b, opacity), (1.0, 0.0, 1.0));
     assert!((g - 0.5029).abs() < 1e-3, "{g}");
 }
+
+#[test]
+fn the_grids_sides_are_surfaces() {
+    // One voxel gives the range its other end.
+    let hole = Vec3::new(6.0, 6.0, 2.0);
+    let volume = volume_of(UVec3::splat(9), DVec3::ONE, |voxel| if voxel == hole { 0.0 } else { 1.0 });
+    let field = RenderField::new(&volume);
+    let middle = 4.0;
+    for (at, inwards) in [
+        (Vec3::new(0.0, middle, middle), Vec3::X),
+        (Vec3::new(8.0, middle, middle), Vec3::NEG_X),
+        (Vec3::new(middle, 0.0, middle), Vec3::Y),
+        (Vec3::new(middle, middle, 8.0), Vec3::NEG_Z),
+        (Vec3::new(middle, 8.0, 0.0), Vec3::new(0.0, -1.0, 1.0)),
+    ] {
+        let gradient = field.gradient(at);
+        assert!(gradient.normalize().dot(inwards.normalize()) > 0.9999, "{at}: {gradient}");
+    }
+    assert_eq!(field.gradient(Vec3::splat(middle)), Vec3::ZERO);
+}

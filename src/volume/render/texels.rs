@@ -67,16 +67,18 @@ pub fn gradient_texels(volume: &Volume, cut: &CutVolume, of: VoxelBox) -> Vec<u8
         let around = own.grown(1, volume.grid().size);
         let field = product(volume, cut, around);
         let span = around.size();
+        // Beyond the grid there is nothing.
         let at = |voxel: UVec3| {
-            let v = voxel.clamp(around.min, around.max - 1) - around.min;
-            field[linear_index(span, v)]
+            let is_inside = voxel.cmpge(around.min).all() && voxel.cmplt(around.max).all();
+            if is_inside { field[linear_index(span, voxel - around.min)] } else { 0.0 }
         };
         for z in 0..count {
             for y in 0..size.y {
                 let start = ((z as usize * slice) + y as usize * row) * 4;
                 for (x, texel) in texels[start..start + row * 4].chunks_exact_mut(4).enumerate() {
                     let voxel = own.min + UVec3::new(x as u32, y, z);
-                    let slope = |axis: UVec3| at(voxel + axis) - at(voxel.saturating_sub(axis));
+                    // Before the first voxel this goes round to the end of the numbers, which is outside as well.
+                    let slope = |axis: UVec3| at(voxel + axis) - at(voxel.wrapping_sub(axis));
                     let difference = Vec3::new(slope(UVec3::X), slope(UVec3::Y), slope(UVec3::Z)) * 0.5;
                     texel.copy_from_slice(&encoded(difference).map(|part| part as u8));
                 }

@@ -66,7 +66,8 @@ impl RenderField {
         self.take_gradients(changed.grown(1, self.size));
     }
 
-    /// Takes the gradients of a box anew: central differences of the voxels' values times what remains of each.
+    /// Takes the gradients of a box anew: central differences of the voxels' values times what remains of each, as if nothing
+    /// were beyond the grid: its sides, where they cut through tissue, are surfaces like others.
     fn take_gradients(&mut self, of: VoxelBox) {
         let (width, height) = (self.size.x as usize, self.size.y as usize);
         let last = self.size - 1;
@@ -78,17 +79,14 @@ impl RenderField {
         let slice = width * height;
         let slices = self.gradients.par_chunks_mut(slice).enumerate();
         slices.skip(of.min.z as usize).take(of.size().z as usize).for_each(|(z, gradients)| {
-            let z_lines = [z.saturating_sub(1) * slice, (z + 1).min(last.z as usize) * slice];
             for y in of.min.y as usize..of.max.y as usize {
-                let y_lines = [y.saturating_sub(1) * width, (y + 1).min(last.y as usize) * width];
                 for x in of.min.x as usize..of.max.x as usize {
-                    let line = z * slice + y * width;
-                    let slope = |before: usize, after: usize| product(after) - product(before);
-                    let difference = Vec3::new(
-                        slope(line + x.saturating_sub(1), line + (x + 1).min(last.x as usize)),
-                        slope(z * slice + y_lines[0] + x, z * slice + y_lines[1] + x),
-                        slope(z_lines[0] + y * width + x, z_lines[1] + y * width + x),
-                    );
+                    let place = z * slice + y * width + x;
+                    let slope = |at: usize, last: u32, stride: usize| {
+                        let after = if at < last as usize { product(place + stride) } else { 0.0 };
+                        after - if at > 0 { product(place - stride) } else { 0.0 }
+                    };
+                    let difference = Vec3::new(slope(x, last.x, 1), slope(y, last.y, width), slope(z, last.z, slice));
                     gradients[y * width + x] = encoded(difference * (0.5 / 65535.0));
                 }
             }
