@@ -116,7 +116,7 @@ fn setup(mut commands: Commands, args: Res<Args>, stage: Res<Stage>, mut volumes
         let window = commands.spawn(Window { title: "mastoid: monitor".into(), ..default() }).id();
         let target = bevy::camera::RenderTarget::Window(bevy::window::WindowRef::Entity(window));
         let layers = RenderLayers::from_layers(&[0, 1]);
-        commands.spawn((MonitorView { of: microscope }, target, layers, bevy::camera::Hdr, Msaa::Off));
+        commands.spawn((MonitorView { of: microscope }, ScopeMask::default(), target, layers));
     }
     Ok(())
 }

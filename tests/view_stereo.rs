@@ -118,6 +118,11 @@ fn each_eye_has_its_half() {
         assert_eq!(app.world().get::<Msaa>(eye), Some(&Msaa::Sample4));
         assert_eq!(app.world().get::<ScopeMask>(eye), None);
     }
+    app.world_mut().get_mut::<StereoPair>(rig).expect("a pair").is_active = false;
+    app.idle();
+    for camera in before.into_iter().chain([rig]) {
+        assert!(!app.world().get::<Camera>(camera).expect("a camera").is_active, "switched off");
+    }
     app.world_mut().entity_mut(rig).remove::<StereoPair>();
     app.idle();
     assert!(app.world().get::<Camera>(rig).expect("a camera").is_active);

@@ -167,12 +167,13 @@ fn set_projection(mut microscopes: Query<(&Microscope, &mut Projection), Changed
 }
 
 fn aim_lamps(
-    mut lamps: Query<(Ref<MicroscopeLamp>, &mut Transform, &mut ToolShadows, Option<&ChildOf>)>,
+    mut lamps: Query<(Ref<MicroscopeLamp>, &mut Transform, &mut ToolShadows, Option<Ref<ChildOf>>)>,
     microscopes: Query<Ref<Microscope>>,
 ) {
     for (lamp, mut transform, mut shadows, parent) in &mut lamps {
-        let microscope = parent.and_then(|parent| microscopes.get(parent.parent()).ok());
-        if !lamp.is_changed() && !microscope.as_ref().is_some_and(Ref::is_changed) {
+        let microscope = parent.as_ref().and_then(|parent| microscopes.get(parent.parent()).ok());
+        let is_hung_anew = parent.is_some_and(|parent| parent.is_changed());
+        if !(lamp.is_changed() || is_hung_anew || microscope.as_ref().is_some_and(Ref::is_changed)) {
             continue;
         }
         let microscope = microscope.map(Ref::into_inner);

@@ -14,6 +14,7 @@ use bevy::math::Vec3A;
 use bevy::prelude::*;
 use bevy::render::camera::NormalizedRenderTargetExt;
 use bevy::render::texture::ManualTextureViews;
+use bevy::render::view::ColorGrading;
 use bevy::transform::TransformSystems;
 use bevy::window::PrimaryWindow;
 
@@ -23,7 +24,8 @@ use bevy::window::PrimaryWindow;
 /// Put it on a [`Microscope`], an [`Endoscope`](super::Endoscope) or any [`Camera3d`]: two child cameras
 /// ([`StereoEye`], listed in [`StereoEyes`]) draw from then on, with the camera's lens, target, layers, mask and
 /// exposure, and the camera itself is switched off. Without the component it draws again. The scene and its simulation
-/// are there once.
+/// are there once. The right eye's camera takes the order after the camera's own, which no other camera of the same
+/// target should have.
 ///
 /// **Parallel axes with shifted frusta**, not toed-in cameras: both eyes see the same window at the convergence
 /// distance, so that what lies there has no parallax, and nothing has any vertical parallax. A microscope with a common
@@ -41,11 +43,13 @@ pub struct StereoPair {
     pub convergence_m: Option<f32>,
     /// Exchanges the halves, for viewing with crossed eyes.
     pub is_crossed: bool,
+    /// Whether the eyes draw. In place of [`Camera::is_active`], which is off while there is a pair.
+    pub is_active: bool,
 }
 
 impl Default for StereoPair {
     fn default() -> Self {
-        Self { interocular_m: 0.024, convergence_m: None, is_crossed: false }
+        Self { interocular_m: 0.024, convergence_m: None, is_crossed: false, is_active: true }
     }
 }
 
@@ -145,11 +149,11 @@ impl CameraProjection for ShiftedPerspective {
 /// A camera that shows what another one sees, on a target of its own: a second window, a picture for a recording.
 ///
 /// Each frame it takes the pose and the lens of that camera; the shape of the picture is its own. Everything else
-/// (target, order, mask, tonemapping) is spawned beside it. Of a [`StereoPair`] it shows what lies between the eyes. A
-/// camera that follows a follower is a frame late.
+/// (target, order, mask) is spawned beside it; what it requires is what a [`Microscope`] does, but for the mask. Of a
+/// [`StereoPair`] it shows what lies between the eyes. A camera that follows a follower is a frame late.
 #[derive(Component, Clone, Copy, Debug, PartialEq, Eq, Reflect)]
 #[reflect(Component, Clone)]
-#[require(Camera3d)]
+#[require(Camera3d, Hdr, Tonemapping::SomewhatBoringDisplayTransform, Msaa::Off)]
 pub struct MonitorView {
     /// The camera that is followed.
     pub of: Entity,
@@ -177,6 +181,7 @@ pub(super) fn build(app: &mut App) {
                 follow::<DebandDither>,
                 follow::<Msaa>,
                 follow::<Exposure>,
+                follow::<ColorGrading>,
                 follow::<RenderLayers>,
                 follow::<ScopeMask>,
             ),
@@ -279,7 +284,7 @@ fn drive_eyes(
                 physical_size,
                 ..default()
             });
-            camera.is_active = viewport.is_some();
+            camera.is_active = pair.is_active && viewport.is_some();
             camera.viewport = viewport;
             // One after the other: Bevy warns of cameras on one target whose order is open.
             camera.order = rig.order + order;
