@@ -105,7 +105,9 @@ fn rays_find_what_is_left_and_not_clipped_away() {
     assert!(hit.normal_world.distance(Vec3::NEG_Z) < 1e-5);
     assert!(hit.hit.position_m.distance(Vec3::new(0.0, 0.0, 0.002)) < 1e-5);
     // From the other side it is met where it was.
-    app.world_mut().entity_mut(volumes[0]).insert(look(vec![Vec4::new(0.0, 0.0, 0.0, -1.0)]));
+    app.world_mut()
+        .entity_mut(volumes[0])
+        .insert(look(vec![Vec4::new(0.0, 0.0, 1.0, -1.0), Vec4::new(0.0, 0.0, 0.0, -1.0)]));
     let hit = cast(&mut app, Vec3::new(0.0, 0.0, 0.3), Vec3::ZERO).expect("the rest of it");
     assert_eq!(hit.volume, volumes[1], "of the near one nothing is left");
     assert!((hit.distance_m - (0.3 - SIDE_M)).abs() < 1e-5, "{}", hit.distance_m);

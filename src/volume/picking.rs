@@ -39,7 +39,10 @@ pub struct VolumePicking<'w, 's> {
 /// The part of a ray inside a volume's clip planes, metres from its origin, and the plane where that part begins.
 fn unclipped(origin: Vec3, direction: Vec3, most_m: f32, look: Option<&VolumeLook>) -> (f32, f32, Option<Vec4>) {
     let (mut from, mut to, mut side) = (0.0, most_m, None);
-    for plane in look.iter().flat_map(|look| look.clip_planes.iter().take(MAX_CLIP_PLANES)) {
+    // As in the picture, planes without a direction cut nothing.
+    let has_direction = |plane: &&Vec4| plane.is_finite() && plane.truncate().length_squared() > 0.0;
+    let planes = look.iter().flat_map(|look| look.clip_planes.iter().filter(has_direction).take(MAX_CLIP_PLANES));
+    for plane in planes {
         let start = plane.truncate().dot(origin) + plane.w;
         let slope = plane.truncate().dot(direction);
         let meets = -start / slope;

@@ -75,3 +75,24 @@ fn files_and_folders_are_read_from_disk() {
     let (volume, report) = load_path(place("scan"), &options).unwrap();
     assert_eq!((volume.range(), report.files_ignored), ([1.0, 2.0], 2));
 }
+
+#[cfg(unix)]
+#[test]
+fn what_never_ends_is_not_read() {
+    let folder = tempfile::tempdir().unwrap();
+    let place = |name: &str| folder.path().join(name);
+    let options = VolumeLoadOptions::default();
+    for name in ["zero.nrrd", "a.raw", "2.png"] {
+        std::os::unix::fs::symlink("/dev/zero", place(name)).unwrap();
+    }
+    let error = load_path(place("zero.nrrd"), &options).unwrap_err();
+    assert!(error.to_string().ends_with("zero.nrrd: it cannot be read: it is not a regular file"), "{error}");
+    std::fs::write(place("a.mhd"), metaimage("ElementType = MET_UCHAR", "a.raw", &[])).unwrap();
+    let error = load_path(place("a.mhd"), &options).unwrap_err();
+    assert!(matches!(error.fault, VolumeFault::MissingFile { .. }), "{error}");
+    assert!(error.to_string().contains("it is not a regular file"), "{error}");
+    // In a folder they are passed over, as folders are.
+    let picture = super::write::picture(2, 1, &[1, 2], image::ExtendedColorType::L8, image::ImageFormat::Png);
+    std::fs::write(place("1.png"), &picture).unwrap();
+    assert_eq!(load_path(folder.path(), &options).unwrap().0.grid().size.z, 1);
+}

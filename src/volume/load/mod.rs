@@ -31,6 +31,7 @@ use bevy::reflect::Reflect;
 use glam::{DAffine3, DMat3, DVec3, UVec3};
 use serde::{Deserialize, Serialize};
 use std::fmt;
+use std::io::Read;
 use std::ops::RangeInclusive;
 use std::path::Path;
 
@@ -204,9 +205,9 @@ pub fn load_path(path: impl AsRef<Path>, options: &VolumeLoadOptions) -> Result<
     let unreadable =
         |error: std::io::Error| VolumeError::new(&*named, VolumeFault::Unreadable { reason: error.to_string() });
     if !path.is_dir() {
-        let bytes = std::fs::read(path).map_err(unreadable)?;
+        let bytes = read_regular(path).map_err(unreadable)?;
         let folder = path.parent().unwrap_or(Path::new(""));
-        let mut fetch = |name: &str| std::fs::read(folder.join(name)).map_err(|error| error.to_string());
+        let mut fetch = |name: &str| read_regular(&folder.join(name)).map_err(|error| error.to_string());
         return parse_with(&bytes, &named, options, &mut fetch);
     }
     let mut paths = Vec::new();
@@ -218,12 +219,30 @@ pub fn load_path(path: impl AsRef<Path>, options: &VolumeLoadOptions) -> Result<
         }
     }
     paths.sort();
+    // Strangers in a folder may be large: of them no more is read than what tells that they are none.
     let mut files = Vec::with_capacity(paths.len());
-    for path in paths {
+    for path in &paths {
         let name = path.file_name().unwrap_or_default().to_string_lossy().into_owned();
-        files.push((name, std::fs::read(&path).map_err(unreadable)?));
+        let mut head = Vec::new();
+        std::fs::File::open(path).and_then(|file| file.take(dicom::HEAD).read_to_end(&mut head)).map_err(unreadable)?;
+        files.push((name, head));
+    }
+    let is_dicom = files.iter().any(|(_, head)| dicom::is_dicom(head));
+    for ((name, bytes), path) in files.iter_mut().zip(&paths) {
+        *bytes = match if is_dicom { dicom::is_dicom(bytes) } else { stack::is_picture(name) } {
+            true => std::fs::read(path).map_err(unreadable)?,
+            false => Vec::new(),
+        };
     }
     parse_folder(files, &named, options)
+}
+
+/// The bytes of a file that ends: not those of a device or a pipe.
+fn read_regular(path: &Path) -> std::io::Result<Vec<u8>> {
+    match std::fs::metadata(path)?.is_file() {
+        true => std::fs::read(path),
+        false => Err(std::io::Error::other("it is not a regular file")),
+    }
 }
 
 /// A fault of a folder, and the file in it that has it, if it is one file's alone.

@@ -12,6 +12,7 @@ use bevy::camera::visibility::RenderLayers;
 use bevy::prelude::*;
 use bevy::render::Extract;
 use bevy::render::render_resource::TextureFormat;
+use bevy::render::renderer::RenderDevice;
 use bevy::render::sync_world::MainEntity;
 
 /// A volume of this frame.
@@ -79,7 +80,10 @@ pub(super) fn extract_volumes(
     textures: Res<VolumeTextures>,
     shown: Extract<Query<Shown>>,
     volumes: Extract<Res<Assets<Volume>>>,
+    device: Res<RenderDevice>,
+    mut refused: Local<Vec<(MainEntity, UVec3)>>,
 ) {
+    let limit = device.limits().max_texture_dimension_3d;
     extracted.0.clear();
     for (entity, source, cut, look, shown, transform, layers) in shown.iter() {
         let entity = MainEntity::from(entity);
@@ -87,6 +91,16 @@ pub(super) fn extract_volumes(
         let grid = volume.grid();
         // A volume that took another's place is shown from the next frame on.
         if !shown.is_of(source.0.id(), grid.size) || cut.size() != grid.size {
+            continue;
+        }
+        if grid.size.max_element() > limit {
+            if !refused.contains(&(entity, grid.size)) {
+                tracing::error!(
+                    "a volume of {} voxels is not shown: this adapter takes {limit} along a side",
+                    grid.size
+                );
+                refused.push((entity, grid.size));
+            }
             continue;
         }
         let world_from_volume = transform.affine();

@@ -93,14 +93,6 @@ pub(super) fn write_textures(
     for volume in &mut extracted.0 {
         let uploads = std::mem::take(&mut volume.uploads);
         if volume.is_whole {
-            let limit = device.limits().max_texture_dimension_3d;
-            if volume.size.max_element() > limit {
-                tracing::error!(
-                    "a volume of {} voxels is not shown: this adapter takes {limit} along a side",
-                    volume.size
-                );
-                continue;
-            }
             let made: Vec<_> =
                 uploads.iter().map(|upload| (upload.kind, create(&device, upload.kind, upload.of.max))).collect();
             let view = |wanted: fn(TexelKind) -> bool| {

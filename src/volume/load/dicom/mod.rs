@@ -12,6 +12,9 @@ mod series;
 #[cfg(feature = "dicom")]
 pub(super) use series::{read_file, read_folder};
 
+/// Bytes that tell whether a file is DICOM.
+pub(super) const HEAD: u64 = 132;
+
 /// Whether bytes begin as a DICOM file does: the magic behind 128 bytes of anything.
 pub(super) fn is_dicom(bytes: &[u8]) -> bool {
     bytes.get(128..132) == Some(b"DICM")
