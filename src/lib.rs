@@ -39,6 +39,7 @@ pub mod gravity;
 pub mod highlights;
 pub mod organ;
 pub mod pacing;
+pub mod pool;
 pub mod reactions;
 #[cfg(feature = "render")]
 pub mod render;
@@ -112,6 +113,7 @@ use bevy::app::{PluginGroup, PluginGroupBuilder};
 /// | [`ReactionsPlugin`](reactions::ReactionsPlugin) | [`Reactions`](reactions::Reactions), [`OrganTouch`](reactions::OrganTouch) | organ; render to be seen |
 /// | [`HighlightsPlugin`](highlights::HighlightsPlugin) | [`Highlights`](highlights::Highlights) | organ; render to be seen |
 /// | [`VolumePlugin`](volume::VolumePlugin) | [`CtVolume`](volume::CtVolume), [`LoadVolume`](volume::LoadVolume), [`DrillVolume`](volume::DrillVolume) | schedule; render to be seen |
+/// | [`PoolPlugin`](pool::PoolPlugin) | [`FluidSolver`](pool::FluidSolver) | schedule |
 /// | [`SurgeryViewPlugin`](view::SurgeryViewPlugin) (feature `render`) | [`Endoscope`](view::Endoscope), [`Microscope`](view::Microscope), [`ScopeLight`](view::ScopeLight), [`ScopeMask`](view::ScopeMask), [`StereoPair`](view::StereoPair), [`MonitorView`](view::MonitorView), [`ToolShadows`](view::ToolShadows) | render |
 pub struct SurgeryPlugins;
 
@@ -125,7 +127,8 @@ impl PluginGroup for SurgeryPlugins {
             .add(skin::SkinPlugin)
             .add(reactions::ReactionsPlugin)
             .add(highlights::HighlightsPlugin)
-            .add(volume::VolumePlugin);
+            .add(volume::VolumePlugin)
+            .add(pool::PoolPlugin);
         #[cfg(feature = "render")]
         let group = group.add(view::SurgeryViewPlugin);
         group

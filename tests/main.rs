@@ -11,6 +11,7 @@ mod organ_pick;
 mod organ_picking;
 mod organ_texture_mesh;
 mod pacing;
+mod pool_solver;
 mod reactions_corners;
 mod reactions_drops;
 mod reactions_heat;
