@@ -121,13 +121,13 @@ fn rest_on_bone(picking: &VolumePicking, ray: Ray3d, radius_m: f32) -> Option<(E
 /// How the drill is held so that its shaft does not go through bone: steeper in a narrow cavity, down to the line of sight.
 fn free_shaft(picking: &VolumePicking, centre_m: Vec3, radius_m: f32, aim: &Aim) -> Vec3 {
     const TILTS: u32 = 6;
-    let tilted = (0..=TILTS).map(|tilt| {
+    let mut tilted = (0..=TILTS).map(|tilt| {
         let steeper = aim.shaft.lerp(-*aim.ray.direction, tilt as f32 / TILTS as f32);
         Dir3::new(steeper).unwrap_or(-aim.ray.direction)
     });
     let is_free =
         |shaft: &Dir3| picking.cast_ray(Ray3d::new(centre_m + *shaft * (1.5 * radius_m), *shaft), 0.06).is_none();
-    Vec3::from(tilted.clone().find(is_free).unwrap_or(-aim.ray.direction))
+    Vec3::from(tilted.find(is_free).unwrap_or(-aim.ray.direction))
 }
 
 /// Looks for critical structures around the burr.

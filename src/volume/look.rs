@@ -87,6 +87,12 @@ impl Default for VolumeLook {
 }
 
 impl VolumeLook {
+    /// The clip planes that count: at most [`MAX_CLIP_PLANES`], without those that have no direction or are no numbers.
+    pub(crate) fn cutting_planes(&self) -> impl Iterator<Item = Vec4> {
+        let has_direction = |plane: &Vec4| plane.is_finite() && plane.truncate().length_squared() > 0.0;
+        self.clip_planes.iter().copied().filter(has_direction).take(MAX_CLIP_PLANES)
+    }
+
     /// The distance between samples that is used, in lengths of a voxel's shortest edge.
     pub fn sane_step_voxels(&self) -> f32 {
         if self.step_voxels.is_finite() { self.step_voxels.clamp(0.25, 4.0) } else { 1.0 }

@@ -1,7 +1,7 @@
 //! Picking volumes in the ECS: rays of the world find the nearest bone that is left, without any rendering.
 
 use super::pick::{VolumeHit, VolumePicker};
-use super::{CtVolume, CutVolume, MAX_CLIP_PLANES, PrepareCuts, Volume, VolumeLook};
+use super::{CtVolume, CutVolume, PrepareCuts, Volume, VolumeLook};
 use bevy::ecs::system::SystemParam;
 use bevy::prelude::*;
 use std::sync::Arc;
@@ -39,15 +39,12 @@ pub struct VolumePicking<'w, 's> {
 /// The part of a ray inside a volume's clip planes, metres from its origin, and the plane where that part begins.
 fn unclipped(origin: Vec3, direction: Vec3, most_m: f32, look: Option<&VolumeLook>) -> (f32, f32, Option<Vec4>) {
     let (mut from, mut to, mut side) = (0.0, most_m, None);
-    // As in the picture, planes without a direction cut nothing.
-    let has_direction = |plane: &&Vec4| plane.is_finite() && plane.truncate().length_squared() > 0.0;
-    let planes = look.iter().flat_map(|look| look.clip_planes.iter().filter(has_direction).take(MAX_CLIP_PLANES));
-    for plane in planes {
+    for plane in look.iter().flat_map(|look| look.cutting_planes()) {
         let start = plane.truncate().dot(origin) + plane.w;
         let slope = plane.truncate().dot(direction);
         let meets = -start / slope;
         if slope > 0.0 && meets > from {
-            (from, side) = (meets, Some(*plane));
+            (from, side) = (meets, Some(plane));
         } else if slope < 0.0 {
             to = f32::min(to, meets);
         } else if slope == 0.0 && start < 0.0 {

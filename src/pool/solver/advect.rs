@@ -1,6 +1,6 @@
 //! Carrying quantities with the flow.
 
-use super::field::{Field, Places, for_rows, for_rows_of_two};
+use super::field::{At, Field, Places, for_rows, for_rows_of_two};
 use super::spans::Spans;
 use super::{Advection, MAX_CELLS_PER_STEP};
 use glam::{UVec2, Vec2};
@@ -11,25 +11,6 @@ pub(super) struct Flow<'a> {
     pub spans: &'a Spans,
     /// Cells that a velocity of 1 goes in a step.
     pub cells_per_velocity: f32,
-}
-
-/// Where the numbers of a field lie in their cells.
-#[derive(Clone, Copy, PartialEq)]
-enum At {
-    Left,
-    Below,
-    Middle,
-}
-
-impl At {
-    /// From a cell's middle to the number, cells.
-    fn offset(self) -> Vec2 {
-        match self {
-            Self::Left => Vec2::new(-0.5, 0.0),
-            Self::Below => Vec2::new(0.0, -0.5),
-            Self::Middle => Vec2::ZERO,
-        }
-    }
 }
 
 /// Four neighbours of a place in memory, and their weights.
@@ -98,15 +79,11 @@ impl Flow<'_> {
         advection: Advection,
     ) {
         for (axis, at) in [(0, At::Left), (1, At::Below)] {
-            let (known, open) = match at {
-                At::Left => (&self.places.known_x, &self.places.open_x),
-                _ => (&self.places.known_y, &self.places.open_y),
-            };
             let (from, by) = (&reflected.unwrap_or(velocity)[axis], &*velocity);
-            self.carry(from, &mut next[axis], by, at, known, open, 1.0);
+            self.carry(from, &mut next[axis], by, at, 1.0);
             if advection == Advection::MacCormack {
-                self.carry(&next[axis], &mut other[axis], by, at, known, open, -1.0);
-                self.correct(from, &mut next[axis], &other[axis], by, at, known, open);
+                self.carry(&next[axis], &mut other[axis], by, at, -1.0);
+                self.correct(from, &mut next[axis], &other[axis], by, at);
             }
         }
         std::mem::swap(velocity, next);
@@ -121,14 +98,13 @@ impl Flow<'_> {
         other: &mut [Field; 2],
         advection: Advection,
     ) {
-        let wet = &self.places.wet;
         match advection {
             Advection::SemiLagrangian => self.carry_both(dissolved, next, velocity),
             Advection::MacCormack => {
                 for ((from, next), other) in dissolved.iter().zip(next.iter_mut()).zip(other) {
-                    self.carry(from, next, velocity, At::Middle, wet, wet, 1.0);
-                    self.carry(next, other, velocity, At::Middle, wet, wet, -1.0);
-                    self.correct(from, next, other, velocity, At::Middle, wet, wet);
+                    self.carry(from, next, velocity, At::Middle, 1.0);
+                    self.carry(next, other, velocity, At::Middle, -1.0);
+                    self.correct(from, next, other, velocity, At::Middle);
                 }
             }
         }
@@ -160,21 +136,8 @@ impl Flow<'_> {
     }
 
     /// Each number from where the flow comes from (or goes to, for a sign of -1).
-    #[expect(
-        clippy::too_many_arguments,
-        reason = "what is carried, whereto, by what, where it lies and which of it counts"
-    )]
-    fn carry(
-        &self,
-        from: &Field,
-        into: &mut Field,
-        velocity: &[Field; 2],
-        at: At,
-        known: &Field,
-        open: &Field,
-        sign: f32,
-    ) {
-        let stride = from.stride();
+    fn carry(&self, from: &Field, into: &mut Field, velocity: &[Field; 2], at: At, sign: f32) {
+        let (stride, [known, open]) = (from.stride(), self.places.known_and_open(at));
         for_rows(into, self.spans, |y, row, start, end, _| {
             for x in start..end {
                 let place = (y + 1) * stride + x + 1;
@@ -194,18 +157,8 @@ impl Flow<'_> {
     }
 
     /// Takes half of what came back wrong off what was carried, within the numbers that it was made of.
-    #[expect(clippy::too_many_arguments, reason = "as for carrying")]
-    fn correct(
-        &self,
-        from: &Field,
-        carried: &mut Field,
-        returned: &Field,
-        velocity: &[Field; 2],
-        at: At,
-        known: &Field,
-        open: &Field,
-    ) {
-        let stride = from.stride();
+    fn correct(&self, from: &Field, carried: &mut Field, returned: &Field, velocity: &[Field; 2], at: At) {
+        let (stride, [known, open]) = (from.stride(), self.places.known_and_open(at));
         for_rows(carried, self.spans, |y, row, start, end, _| {
             for x in start..end {
                 let place = (y + 1) * stride + x + 1;

@@ -1,7 +1,7 @@
 //! Numbers of cells, and what lies where.
 
 use super::spans::Spans;
-use glam::UVec2;
+use glam::{UVec2, Vec2};
 use rayon::prelude::*;
 
 /// Rows of a length that a thread takes at once at least: fewer cells are not worth the handing over.
@@ -118,6 +118,25 @@ pub(super) fn for_rows_of_two(
     });
 }
 
+/// Where the numbers of a field lie in their cells.
+#[derive(Clone, Copy, PartialEq)]
+pub(super) enum At {
+    Left,
+    Below,
+    Middle,
+}
+
+impl At {
+    /// From a cell's middle to the number, cells.
+    pub fn offset(self) -> Vec2 {
+        match self {
+            Self::Left => Vec2::new(-0.5, 0.0),
+            Self::Below => Vec2::new(0.0, -0.5),
+            Self::Middle => Vec2::ZERO,
+        }
+    }
+}
+
 /// What is fluid and what is wall, as factors: 1 or 0.
 #[derive(Clone, Debug)]
 pub(super) struct Places {
@@ -158,6 +177,15 @@ impl Places {
             self.known_y.values[place] = own.max(below);
         }
         self.measure_clearance();
+    }
+
+    /// For numbers at a place of their cells: which of them mean something, and which of them move.
+    pub fn known_and_open(&self, at: At) -> [&Field; 2] {
+        match at {
+            At::Left => [&self.known_x, &self.open_x],
+            At::Below => [&self.known_y, &self.open_y],
+            At::Middle => [&self.wet, &self.wet],
+        }
     }
 
     /// Once down and once up: each cell from the four neighbours that were looked at before it.

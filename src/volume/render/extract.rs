@@ -5,8 +5,9 @@ use super::shown::{ShownVolume, all_blocks};
 use super::texels::{field_format, field_texels, gradient_texels};
 use crate::render::finite_within;
 use crate::volume::grid::linear_index;
+use crate::volume::software::plane_in_voxels;
 use crate::volume::transfer::{ColourSource, colours};
-use crate::volume::{CtVolume, CutVolume, MAX_CLIP_PLANES, Volume, VolumeLook, VoxelBox};
+use crate::volume::{CtVolume, CutVolume, Volume, VolumeLook, VoxelBox};
 use bevy::camera::primitives::Aabb;
 use bevy::camera::visibility::RenderLayers;
 use bevy::prelude::*;
@@ -117,7 +118,7 @@ pub(super) fn extract_volumes(
             size: grid.size,
             world_from_voxel,
             centre_world_m: transform.translation(),
-            clip_planes: voxel_planes(look, grid.volume_from_voxel().into()),
+            clip_planes: look.cutting_planes().map(|plane| plane_in_voxels(plane, &grid.volume_from_voxel())).collect(),
             look: sane(look),
             layers: layers.cloned().unwrap_or_default(),
             bounds: shown.bounds,
@@ -202,14 +203,6 @@ fn table_texels(shown: &ShownVolume) -> TexelUpload {
         of: VoxelBox { min: UVec3::ZERO, max: UVec3::new(entries.len() as u32, 1, 1) },
         texels: bytemuck::cast_slice(entries).to_vec(),
     }
-}
-
-/// Clip planes in voxel coordinates; planes without a direction are left out.
-fn voxel_planes(look: &VolumeLook, volume_from_voxel: Mat4) -> Vec<Vec4> {
-    // A plane is a row: it is carried by the matrix from the right.
-    let planes = look.clip_planes.iter().map(|plane| volume_from_voxel.transpose() * *plane);
-    let has_direction = |plane: &Vec4| plane.is_finite() && plane.truncate().length_squared() > 0.0;
-    planes.filter(has_direction).take(MAX_CLIP_PLANES).collect()
 }
 
 /// The look with all of its numbers in range.
