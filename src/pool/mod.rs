@@ -8,12 +8,16 @@
 mod error;
 mod grid;
 mod mask;
+mod noise;
 mod solver;
+mod source;
 
 pub use error::PoolError;
 pub use grid::{MAX_CELLS, MIN_CELLS, PoolGrid};
 pub use mask::WetMask;
+pub use noise::StirNoise;
 pub use solver::{Advection, Dissolved, FluidSolver, MAX_CELLS_PER_STEP, SolverSettings};
+pub use source::{FLOW_REACH, FluidAction, FluidSource, MAX_SOURCES, SOURCE_REACH, StepAmounts};
 
 use crate::schedule::SurgerySystems;
 use bevy::prelude::*;

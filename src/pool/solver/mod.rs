@@ -3,13 +3,14 @@
 //! Velocities lie on the sides of the cells, pressure and what is dissolved in their middles: a side between fluid and wall has
 //! no velocity, so that nothing flows through walls however few rounds the pressure gets.
 
+mod act;
 mod advect;
 mod diffuse;
 mod field;
 mod project;
 mod spans;
 
-use super::{PoolError, PoolGrid, WetMask};
+use super::{FluidAction, FluidSource, PoolError, PoolGrid, StepAmounts, StirNoise, WetMask};
 use advect::Flow;
 use bevy::ecs::component::Component;
 use bevy::ecs::reflect::ReflectComponent;
@@ -80,6 +81,7 @@ pub enum Dissolved {
 #[require(SolverSettings)]
 pub struct FluidSolver {
     grid: PoolGrid,
+    noise: StirNoise,
     places: Places,
     spans: Spans,
     /// Velocity through the left and the lower side of each cell, metres per second.
@@ -101,6 +103,7 @@ impl FluidSolver {
         let field = || Field::zero(grid.size());
         let mut made = Self {
             grid,
+            noise: StirNoise::default(),
             places: Places::new(grid.size()),
             spans: Spans::default(),
             velocity: [field(), field()],
@@ -217,16 +220,36 @@ impl FluidSolver {
         }
     }
 
-    /// Moves the fluid by a step of so many seconds. Nothing happens for steps that are not above 0.
+    /// Moves the fluid by a step of so many seconds, with nothing that acts on it. Nothing happens for steps that are not above 0.
     pub fn step(&mut self, step_s: f32, settings: &SolverSettings) {
-        if !(step_s > 0.0 && step_s.is_finite()) {
-            return;
-        }
-        // Once into the threads' pool, and not at each of the many passes.
-        rayon::scope(|_| self.step_in_threads(step_s, settings));
+        self.step_with(step_s, settings, &FluidAction::default());
     }
 
-    fn step_in_threads(&mut self, step_s: f32, settings: &SolverSettings) {
+    /// The same with sources, and returns what they brought and took.
+    pub fn step_with(&mut self, step_s: f32, settings: &SolverSettings, action: &FluidAction) -> StepAmounts {
+        if !(step_s > 0.0 && step_s.is_finite()) {
+            return StepAmounts::default();
+        }
+        // Once into the threads' pool, and not at each of the many passes.
+        rayon::scope(|_| self.step_in_threads(step_s, settings, action))
+    }
+
+    /// The noise with which sources stir.
+    pub fn noise(&self) -> &StirNoise {
+        &self.noise
+    }
+
+    /// Sources stir with another noise from now on.
+    pub fn set_noise(&mut self, noise: StirNoise) {
+        self.noise = noise;
+    }
+
+    /// Sum of a source's weights over the cells with fluid: what it brings is shared out in proportion to them.
+    pub fn weight_sum(&self, source: &FluidSource) -> f32 {
+        if source.is_good() { act::weight_sum(&self.grid, &self.places, source) } else { 0.0 }
+    }
+
+    fn step_in_threads(&mut self, step_s: f32, settings: &SolverSettings, action: &FluidAction) -> StepAmounts {
         let cells_per_velocity = step_s / self.grid.cell_m();
         let square = self.grid.cell_m() * self.grid.cell_m();
         let rounds = settings.diffusion_iterations.clamp(1, 100);
@@ -249,6 +272,9 @@ impl FluidSolver {
                 diffuse::diffuse(field, &mut self.next, open, &self.spans, viscosity, rounds);
             }
         }
+        for source in action.good_sources() {
+            act::push(&mut self.velocity, &self.grid, &self.places, source, &self.noise);
+        }
         project::project(
             &mut self.velocity,
             &mut self.pressure,
@@ -258,6 +284,11 @@ impl FluidSolver {
             &self.spans,
             settings.pressure_iterations.clamp(1, 500),
         );
+        let mut amounts = StepAmounts::default();
+        for source in action.good_sources() {
+            act::flow(&mut self.velocity, &self.grid, &self.places, source);
+            act::dissolve(&mut self.dissolved, &self.grid, &self.places, source, &mut amounts);
+        }
         let before = self.totals();
         let flow = Flow { places: &self.places, spans: &self.spans, cells_per_velocity };
         flow.carry_dissolved(&mut self.dissolved, &self.velocity, &mut self.next, &mut self.other, settings.advection);
@@ -269,11 +300,14 @@ impl FluidSolver {
         }
         // Interpolation does not keep amounts: what is missing or too much is shared out over all that there is.
         let after = self.totals();
-        for ((field, before), after) in self.dissolved.iter_mut().zip(before).zip(after) {
-            if after > 0.0 && before != after {
-                field.scale(&self.spans, (before / after) as f32);
+        let keep = action.keep();
+        for (what, field) in self.dissolved.iter_mut().enumerate() {
+            amounts.faded[what] = before[what] * (1.0 - f64::from(keep[what]));
+            if after[what] > 0.0 {
+                field.scale(&self.spans, (before[what] / after[what]) as f32 * keep[what]);
             }
         }
+        amounts
     }
 
     fn totals(&self) -> [f64; 2] {
