@@ -2,7 +2,8 @@
 //! ships with the crate. With `--volume` it is a scan of your own; with `--script demo` a cavity is drilled with no one there.
 //!
 //! The burr follows the mouse over the bone; the left button drills, the wheel sets the force. 1 to 5 choose the burr, S, C and
-//! M its shape. U takes a stroke back, Y brings it again, R makes the bone whole; F5 saves the cut to `mastoid.cut`, F9 loads
+//! M its shape. The other hand irrigates (I switches that), sucks while the space bar is held, and seals with K what bleeds around
+//! the burr. U takes a stroke back, Y brings it again, R makes the bone whole; F5 saves the cut to `mastoid.cut`, F9 loads
 //! it. + and - change the magnification, drag with the right button to turn the view, with the middle one to move it. T
 //! changes between rays and slices, W goes through the kinds of wet shading, P clips what lies in front; with `--stereo` comma
 //! and full stop set the distance of the eyes. Escape ends.
@@ -19,6 +20,8 @@ mod demo;
 mod drill;
 #[path = "mastoid/figure.rs"]
 mod figure;
+#[path = "mastoid/irrigate.rs"]
+mod irrigate;
 #[path = "mastoid/panel.rs"]
 mod panel;
 #[path = "mastoid/tool.rs"]
@@ -58,6 +61,9 @@ fn main() -> ExitCode {
             app.insert_resource(ClearColor(Color::srgb(0.03, 0.045, 0.05)));
             drill::build(app);
             tool::build(app);
+            if app.world().resource::<Args>().figure.is_none() {
+                irrigate::build(app);
+            }
             app.add_systems(Startup, setup).add_systems(Update, look_at_volume.in_set(LookAtVolume));
             let (args, viewer) = (app.world().resource::<Args>().clone(), app.world().resource::<Stage>().viewer);
             match (args.figure, args.script, viewer) {
@@ -124,14 +130,14 @@ fn setup(mut commands: Commands, args: Res<Args>, stage: Res<Stage>, mut volumes
 /// Sets the microscope up for a volume that has arrived: a bone is seen at life size, a whole head whole.
 fn look_at_volume(
     mut commands: Commands,
-    mut arrived: Query<(&CtVolume, &mut Transform), (Added<CutVolume>, Without<Microscope>)>,
+    mut arrived: Query<(Entity, &CtVolume, &mut Transform), (Added<CutVolume>, Without<Microscope>)>,
     volumes: Res<Assets<Volume>>,
     stage: Res<Stage>,
     args: Res<Args>,
     mut microscopes: Query<(Entity, &mut Microscope, &mut Transform)>,
     mut lamps: Query<(&mut MicroscopeLamp, &mut ScopeLight)>,
 ) {
-    let Some((source, mut place)) = arrived.iter_mut().next() else { return };
+    let Some((patient, source, mut place)) = arrived.iter_mut().next() else { return };
     let Some(volume) = volumes.get(&source.0) else { return };
     let half_axes_m = volume.grid().half_axes_m();
     let half_m: Vec3 = half_axes_m.iter().map(|half| (place.rotation * *half).abs()).sum();
@@ -143,6 +149,9 @@ fn look_at_volume(
     let longest_m = half_axes_m.iter().fold(0.0_f32, |longest, half| longest.max(2.0 * half.length()));
     let is_a_bone = (0.04..0.06).contains(&longest_m);
     let scale = if is_a_bone { 1.0 } else { 1.25 * longest_m / life_size.field_m() };
+    if args.figure.is_none() {
+        irrigate::add_pool(&mut commands, patient, &place, scale);
+    }
     for (entity, mut microscope, mut transform) in &mut microscopes {
         microscope.working_distance_m = life_size.working_distance_m * scale;
         microscope.field_at_1x_m = life_size.field_at_1x_m * scale;
@@ -176,6 +185,7 @@ fn count(world: &mut World) -> serde_json::Map<String, serde_json::Value> {
     let mut counters = serde_json::Map::new();
     let fixed = world.resource::<Time<Fixed>>();
     counters.insert("steps".into(), ((fixed.elapsed().as_nanos() / fixed.timestep().as_nanos()) as u64).into());
+    irrigate::count(world, &mut counters);
     let closest = world.resource::<Danger>().closest;
     let mut patients = world.query_filtered::<(&CtVolume, &RemovedTissue), With<Patient>>();
     for (source, removed) in patients.iter(world) {

@@ -11,6 +11,8 @@ mod organ_pick;
 mod organ_picking;
 mod organ_texture_mesh;
 mod pacing;
+mod pool_cavity;
+mod pool_ecs;
 mod pool_solver;
 mod reactions_corners;
 mod reactions_drops;

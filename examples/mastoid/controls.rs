@@ -1,6 +1,7 @@
 //! Mouse and keys.
 
 use crate::drill::{Aim, Drill, FORCES_N};
+use crate::irrigate::OtherHand;
 use crate::panel::Notice;
 use crate::{Patient, figure};
 use bevy::input::mouse::AccumulatedMouseScroll;
@@ -15,7 +16,7 @@ use bevy_surgery::volume::{CtVolume, CutVolume, Volume, VolumeLook, VolumeMethod
 const CUT_FILE: &str = "mastoid.cut";
 
 pub fn build(app: &mut App) {
-    app.add_systems(Update, (hold_drill, choose_burr, change_cut, change_look, change_view));
+    app.add_systems(Update, (hold_drill, hold_tube, choose_burr, change_cut, change_look, change_view));
 }
 
 fn hold_drill(
@@ -39,6 +40,12 @@ fn hold_drill(
     if notches != 0.0 {
         drill.force_n = (drill.force_n + 0.25 * notches).clamp(FORCES_N[0], FORCES_N[1]);
     }
+}
+
+fn hold_tube(mut hand: ResMut<OtherHand>, keys: Res<ButtonInput<KeyCode>>) {
+    hand.is_sucking = keys.pressed(KeyCode::Space);
+    hand.is_irrigating ^= keys.just_pressed(KeyCode::KeyI);
+    hand.seals |= keys.just_pressed(KeyCode::KeyK);
 }
 
 fn choose_burr(mut drill: ResMut<Drill>, keys: Res<ButtonInput<KeyCode>>) {

@@ -1,7 +1,9 @@
-//! The scripted run: a cavity, always the same.
+//! The scripted run: a cavity drilled under irrigation, a vein that is opened and sealed, always the same.
 
 use crate::drill::{Aim, Drill};
+use crate::irrigate::OtherHand;
 use bevy::prelude::*;
+use bevy_surgery::pool::Bleeder;
 use bevy_surgery::prelude::*;
 use bevy_surgery::volume::CutVolume;
 use bevy_surgery::volume::cut::{Burr, BurrKind};
@@ -32,22 +34,34 @@ const fn cutting(steps: (u32, u32), diameter_m: f32, force_n: f32, middle: Vec2,
 
 const SPEED_RPM: f32 = 80_000.0;
 
+/// Steps in which the other hand sucks.
+const SUCKS: [(u32, u32); 3] = [(240, 270), (470, 560), (600, 640)];
+/// The step in which a vein on the way to the skull's inside is opened under the burr, and the one in which it is sealed.
+const VEIN: (u32, u32) = (445, 540);
+
 pub fn build(app: &mut App) {
     app.add_systems(FixedUpdate, perform.in_set(SurgerySystems::Sense));
 }
 
 fn perform(
+    mut commands: Commands,
     mut drill: ResMut<Drill>,
+    mut hand: ResMut<OtherHand>,
     mut step: Local<u32>,
     microscopes: Query<(&GlobalTransform, &Microscope)>,
-    cuts: Query<(), With<CutVolume>>,
+    cuts: Query<(Entity, &GlobalTransform), With<CutVolume>>,
 ) {
     // The clock starts when the bone is there.
-    if cuts.is_empty() {
-        return;
-    }
+    let Some((patient, place)) = cuts.iter().next() else { return };
     let now = *step;
     *step += 1;
+    hand.is_sucking = SUCKS.iter().any(|&(from, to)| (from..to).contains(&now));
+    hand.seals |= now == VEIN.1;
+    if let Some(pose) = drill.pose.filter(|_| now == VEIN.0) {
+        let at_m = place.affine().inverse().transform_point3(pose.centre_m);
+        let vein = Bleeder { rate_ml_s: 0.15, clotting_s: 120.0, ..default() };
+        commands.spawn((vein, Transform::from_translation(at_m), ChildOf(patient)));
+    }
     (drill.aim, drill.is_on) = (None, false);
     let Some((eye, microscope)) = microscopes.iter().next() else { return };
     let Some(act) = ACTS.iter().find(|act| (act.steps.0..act.steps.1).contains(&now)) else { return };

@@ -71,7 +71,7 @@ pub fn build(app: &mut App) {
 }
 
 /// Moves the burr to where it is aimed at, and drills there if the drill is on.
-fn touch(mut drill: ResMut<Drill>, picking: VolumePicking, mut strokes: MessageWriter<DrillVolume>) {
+pub fn touch(mut drill: ResMut<Drill>, picking: VolumePicking, mut strokes: MessageWriter<DrillVolume>) {
     let before = drill.pose.take();
     let was_on = std::mem::replace(&mut drill.was_on, false);
     let Some(aim) = drill.aim else { return };

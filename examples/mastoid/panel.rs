@@ -3,6 +3,7 @@
 use crate::Patient;
 use crate::common::{Args, Backend, Stage};
 use crate::drill::{Danger, Drill, WARNING_MM};
+use crate::irrigate::{self, OtherHand};
 use bevy::camera::visibility::RenderLayers;
 use bevy::camera::{ClearColorConfig, Viewport};
 use bevy::prelude::*;
@@ -11,6 +12,7 @@ use bevy::sprite_render::SpriteRenderPlugin;
 use bevy::text::{FontSize, TextPlugin};
 use bevy::ui::UiPlugin;
 use bevy::ui_render::UiRenderPlugin;
+use bevy_surgery::pool::{PoolState, WaterBudget};
 use bevy_surgery::prelude::*;
 use bevy_surgery::volume::cut::BurrShape;
 use bevy_surgery::volume::structures::Structure;
@@ -38,6 +40,7 @@ struct PanelCamera;
 #[derive(Component, Clone, Copy, PartialEq)]
 enum Line {
     Drill,
+    Fluid,
     Nearest,
     Structure(usize),
     Notice,
@@ -88,6 +91,7 @@ fn spawn_panel(mut commands: Commands, stage: Res<Stage>) {
         ))
         .with_children(|panel| {
             panel.spawn(line(Line::Drill));
+            panel.spawn(line(Line::Fluid));
             panel.spawn(line(Line::Nearest));
             for row in 0..ROWS {
                 panel.spawn(Node { column_gap: px(6), align_items: AlignItems::Center, ..default() }).with_children(
@@ -141,6 +145,8 @@ fn write_lines(
     drill: Res<Drill>,
     danger: Res<Danger>,
     notice: Res<Notice>,
+    hand: Option<Res<OtherHand>>,
+    pools: Query<(&PoolState, &WaterBudget)>,
     volumes: Res<Assets<Volume>>,
     patients: Query<(&CtVolume, &RemovedTissue), With<Patient>>,
     mut lines: Query<(&Line, &mut Text, &mut TextColor)>,
@@ -162,6 +168,10 @@ fn write_lines(
     for (line, mut text, mut text_colour) in &mut lines {
         let (said, colour) = match *line {
             Line::Drill => (said_of_drill(&drill), PLAIN),
+            Line::Fluid => {
+                let pool = pools.iter().next().zip(hand.as_ref());
+                (pool.map_or_else(String::new, |((state, water), hand)| irrigate::said(hand, state, water)), PLAIN)
+            }
             Line::Nearest => {
                 let named =
                     danger.nearest.and_then(|(label, mm)| Some((list.get(usize::from(label).checked_sub(1)?)?, mm)));

@@ -90,7 +90,7 @@ fn outline(burr: &Burr) -> Vec<Vec2> {
 }
 
 /// Turns an outline in millimetres about the Y axis, which gives a mesh in metres; grooves of a depth, as a share of the radius, wind about it.
-fn revolve(outline: &[Vec2], groove: f32) -> Mesh {
+pub fn revolve(outline: &[Vec2], groove: f32) -> Mesh {
     const SEGMENTS: u32 = 96;
     const FLUTES: f32 = 8.0;
     let widest = outline.iter().fold(0.0_f32, |widest, point| widest.max(point.x));

@@ -1,28 +1,47 @@
-//! Irrigation and blood: a pool of fluid in a plane across the cavity (paper of 2009, section 4).
+//! Irrigation and blood: a pool of fluid in a plane across the cavity (paper of 2009, sections 4, 5.1 to 5.3, 7 and 8).
 //!
-//! - A [`PoolGrid`] lies in the world and not on the screen: moving cameras do not disturb it.
+//! - A [`Pool`] lies in the world and not on the screen: moving cameras do not disturb it. It looks at a volume from above, column
+//!   by column: the [`Cavity`].
+//! - How high it stands follows from a [`WaterBudget`] or is set ([`PoolLevel`]).
 //! - A [`WetMask`] says which of its cells hold fluid.
-//! - A [`FluidSolver`] moves velocity and what is dissolved, on the processor and the same on any number of threads. On an entity
-//!   it is stepped in [`SurgerySystems::Flow`].
+//! - A [`FluidSolver`] moves velocity and what is dissolved, on the processor and the same on any number of threads.
+//! - Burrs stir it, a [`SuctionIrrigator`] irrigates and sucks, a [`Bleeder`] bleeds into it.
 
+mod bleeding;
+mod cavity;
+mod columns;
+mod component;
 mod error;
 mod grid;
+mod irrigator;
 mod mask;
 mod noise;
 mod solver;
 mod source;
+mod step;
+mod water;
 
+pub use bleeding::{Bleeder, BleedingControl, BleedingRules, TreatBleeders, VesselOpened};
+pub use cavity::{Cavity, NO_BONE_M};
+pub use component::{FoamPatch, MAX_FOAM, Pool, PoolFault, PoolFluid, PoolState};
 pub use error::PoolError;
 pub use grid::{MAX_CELLS, MIN_CELLS, PoolGrid};
+pub use irrigator::{SuctionGurgled, SuctionIrrigator, SuctionState};
 pub use mask::WetMask;
 pub use noise::StirNoise;
 pub use solver::{Advection, Dissolved, FluidSolver, MAX_CELLS_PER_STEP, SolverSettings};
 pub use source::{FLOW_REACH, FluidAction, FluidSource, MAX_SOURCES, SOURCE_REACH, StepAmounts};
+pub use water::{PoolLevel, WaterBudget};
 
 use crate::schedule::SurgerySystems;
 use bevy::prelude::*;
 
-/// Pools of fluid. Needs [`SurgerySchedulePlugin`](crate::schedule::SurgerySchedulePlugin).
+/// In [`SurgerySystems::Flow`]: pools look at their volumes and take their step.
+#[derive(SystemSet, Debug, Clone, Copy, PartialEq, Eq, Hash)]
+pub struct FlowPools;
+
+/// Pools of fluid. Needs [`SurgerySchedulePlugin`](crate::schedule::SurgerySchedulePlugin) and
+/// [`VolumePlugin`](crate::volume::VolumePlugin).
 pub struct PoolPlugin;
 
 impl Plugin for PoolPlugin {
@@ -34,12 +53,26 @@ impl Plugin for PoolPlugin {
             .register_type::<Dissolved>()
             .register_type::<FluidSolver>()
             .register_type::<SolverSettings>()
-            .add_systems(FixedUpdate, step_pools.in_set(SurgerySystems::Flow));
-    }
-}
-
-fn step_pools(mut pools: Query<(&mut FluidSolver, &SolverSettings)>, time: Res<Time>) {
-    for (mut fluid, settings) in &mut pools {
-        fluid.step(time.delta_secs(), settings);
+            .register_type::<StirNoise>()
+            .register_type::<FluidSource>()
+            .register_type::<FluidAction>()
+            .register_type::<StepAmounts>();
+        app.register_type::<Cavity>()
+            .register_type::<Pool>()
+            .register_type::<PoolFault>()
+            .register_type::<PoolFluid>()
+            .register_type::<PoolState>()
+            .register_type::<FoamPatch>()
+            .register_type::<PoolLevel>()
+            .register_type::<WaterBudget>()
+            .register_type::<SuctionIrrigator>()
+            .register_type::<SuctionState>()
+            .register_type::<SuctionGurgled>()
+            .add_message::<SuctionGurgled>();
+        bleeding::build(app);
+        app.add_systems(
+            FixedUpdate,
+            (columns::measure_columns, step::flow).chain().in_set(FlowPools).in_set(SurgerySystems::Flow),
+        );
     }
 }
