@@ -27,8 +27,18 @@ pub struct Cavity {
     floor_m: f32,
     original_m: Vec<f32>,
     cut_m: Vec<f32>,
-    /// Cells that hold what is drilled: from the first, up to but without the second.
-    drilled: [UVec2; 2],
+    /// Cells between which all lie that are drilled: from the first, up to but without the second.
+    bounds: [UVec2; 2],
+    /// The columns that are drilled, row by row.
+    drilled: Vec<Drilled>,
+}
+
+/// A column of which something was taken.
+#[derive(Clone, Copy, Debug, PartialEq)]
+struct Drilled {
+    cell: UVec2,
+    original_m: f32,
+    cut_m: f32,
 }
 
 impl Cavity {
@@ -44,7 +54,14 @@ impl Cavity {
                     original_m(grid.pool_from_cell(cell)).filter(|height| height.is_finite()).unwrap_or(NO_BONE_M);
             }
         });
-        Self { grid, floor_m, cut_m: original.clone(), original_m: original, drilled: [UVec2::ZERO; 2] }
+        Self {
+            grid,
+            floor_m,
+            cut_m: original.clone(),
+            original_m: original,
+            bounds: [UVec2::ZERO; 2],
+            drilled: Vec::new(),
+        }
     }
 
     /// The cells.
@@ -70,11 +87,31 @@ impl Cavity {
                 }
             }
         });
-        let [was_low, was_high] = self.drilled;
-        self.drilled = match was_low.cmpge(was_high).any() {
+        let [was_low, was_high] = self.bounds;
+        self.bounds = match was_low.cmpge(was_high).any() {
             true => [low, high],
             false => [was_low.min(low), was_high.max(high)],
         };
+        self.list_drilled();
+    }
+
+    fn list_drilled(&mut self) {
+        let [low, high] = self.bounds;
+        self.drilled.clear();
+        for y in low.y..high.y {
+            for x in low.x..high.x {
+                let cell = UVec2::new(x, y);
+                let (original_m, cut_m) = (self.original_m[self.index(cell)], self.cut_m[self.index(cell)]);
+                if original_m - cut_m > LEAST_DEPTH_M {
+                    self.drilled.push(Drilled { cell, original_m, cut_m });
+                }
+            }
+        }
+    }
+
+    /// Cells between which all lie that are drilled: from the first, up to but without the second.
+    pub fn bounds(&self) -> [UVec2; 2] {
+        self.bounds
     }
 
     fn index(&self, cell: UVec2) -> usize {
@@ -107,28 +144,21 @@ impl Cavity {
         self.original_m(cell) - self.cut_m(cell) > LEAST_DEPTH_M
     }
 
-    fn drilled_cells(&self) -> impl Iterator<Item = UVec2> + '_ {
-        let [low, high] = self.drilled;
-        (low.y..high.y)
-            .flat_map(move |y| (low.x..high.x).map(move |x| UVec2::new(x, y)))
-            .filter(|cell| self.is_drilled(*cell))
-    }
-
     /// Number of cells from whose columns bone was taken.
     pub fn drilled_count(&self) -> usize {
-        self.drilled_cells().count()
+        self.drilled.len()
     }
 
     /// Where the columns were cut deepest, and how high the bone is there; none if nothing was drilled.
     pub fn deepest(&self) -> Option<(UVec2, f32)> {
-        let least = |a: (UVec2, f32), b: (UVec2, f32)| if b.1 < a.1 { b } else { a };
-        self.drilled_cells().map(|cell| (cell, self.cut_m(cell))).reduce(least)
+        let deepest = self.drilled.iter().reduce(|a, b| if b.cut_m < a.cut_m { b } else { a })?;
+        Some((deepest.cell, deepest.cut_m))
     }
 
     /// The cells that hold fluid at a level: where the original bone lies above it and what is left below, without grains of
     /// noise ([`WetMask::without_grains`]).
     pub fn mask(&self, level_m: f32) -> WetMask {
-        let raw = WetMask::from_fn(&self.grid, |cell| {
+        let raw = WetMask::within(&self.grid, self.bounds, |cell| {
             let place = self.index(cell);
             is_wet(self.original_m[place], self.cut_m[place], level_m)
         });
@@ -144,8 +174,7 @@ impl Cavity {
     fn volume_and_area(&self, level_m: f32) -> [f64; 2] {
         let cell_ml_per_m = f64::from(self.grid.cell_m()).powi(2) * 1e6;
         let (mut height_m, mut count) = (0.0, 0_u32);
-        for cell in self.drilled_cells() {
-            let (original, cut) = (self.original_m(cell), self.cut_m(cell));
+        for &Drilled { original_m: original, cut_m: cut, .. } in &self.drilled {
             height_m += f64::from((level_m.min(original) - cut).max(0.0));
             count += u32::from(cut < level_m && level_m <= original);
         }

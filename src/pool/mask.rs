@@ -2,7 +2,7 @@
 
 use super::PoolGrid;
 use bevy::reflect::Reflect;
-use glam::UVec2;
+use glam::{IVec2, UVec2};
 use rayon::prelude::*;
 
 /// The cells of a pool that hold fluid; all others are walls.
@@ -12,19 +12,33 @@ use rayon::prelude::*;
 pub struct WetMask {
     size: UVec2,
     wet: Vec<bool>,
+    /// Cells between which all that are wet lie: from the first, up to but without the second.
+    bounds: [UVec2; 2],
 }
 
 impl WetMask {
     /// The cells for which a function holds.
     pub fn from_fn(grid: &PoolGrid, is_wet: impl Fn(UVec2) -> bool + Sync) -> Self {
-        let size = grid.size();
-        let mut wet = vec![false; grid.count()];
-        wet.par_chunks_mut(size.x as usize).enumerate().for_each(|(y, row)| {
-            for (x, wet) in row.iter_mut().enumerate() {
-                *wet = is_wet(UVec2::new(x as u32, y as u32));
+        Self::within(grid, [UVec2::ZERO, grid.size()], is_wet)
+    }
+
+    /// The same where it is known that no cell is wet but those from the first, up to but without the second.
+    pub fn within(grid: &PoolGrid, bounds: [UVec2; 2], is_wet: impl Fn(UVec2) -> bool + Sync) -> Self {
+        let bounds = bounds.map(|cell| cell.min(grid.size()));
+        let mut made = Self { size: grid.size(), wet: vec![false; grid.count()], bounds };
+        made.fill(is_wet);
+        made
+    }
+
+    /// Sets the cells within the bounds.
+    fn fill(&mut self, is_wet: impl Fn(UVec2) -> bool + Sync) {
+        let [low, high] = self.bounds;
+        let rows = self.wet.par_chunks_mut(self.size.x as usize).enumerate().with_min_len(16);
+        rows.skip(low.y as usize).take(high.y.saturating_sub(low.y) as usize).for_each(|(y, row)| {
+            for x in low.x..high.x {
+                row[x as usize] = is_wet(UVec2::new(x, y as u32));
             }
         });
-        Self { size, wet }
     }
 
     /// Columns and rows.
@@ -50,22 +64,14 @@ impl WetMask {
 
     /// Wet where so many cells of the cross of five are; beyond the grid none is.
     fn by_cross(&self, threshold: u32) -> Self {
-        let (width, height) = (self.size.x as usize, self.size.y as usize);
-        let mut wet = vec![false; self.wet.len()];
-        wet.par_chunks_mut(width).enumerate().for_each(|(y, row)| {
-            let line = |y: usize| &self.wet[y * width..(y + 1) * width];
-            let own = line(y);
-            for (x, wet) in row.iter_mut().enumerate() {
-                let sides = [
-                    x > 0 && own[x - 1],
-                    own.get(x + 1).is_some_and(|wet| *wet),
-                    y > 0 && line(y - 1)[x],
-                    y + 1 < height && line(y + 1)[x],
-                ];
-                let count = u32::from(own[x]) + sides.map(u32::from).iter().sum::<u32>();
-                *wet = count >= threshold;
-            }
+        let [low, high] = self.bounds;
+        let bounds = [low.saturating_sub(UVec2::ONE), (high + 1).min(self.size)];
+        let mut made = Self { size: self.size, wet: vec![false; self.wet.len()], bounds };
+        let cross = [[0, 0], [-1, 0], [1, 0], [0, -1], [0, 1]].map(IVec2::from_array);
+        made.fill(|cell| {
+            let count = cross.iter().filter(|offset| self.is_wet((cell.as_ivec2() + **offset).as_uvec2())).count();
+            count as u32 >= threshold
         });
-        Self { size: self.size, wet }
+        made
     }
 }

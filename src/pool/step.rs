@@ -292,7 +292,7 @@ pub(super) fn flow(mut pools: Query<Flowing>, mut acting: Acting, time: Res<Time
         state.foam = age_foam(&state.foam, foam, mixing, step_s);
         mix(&mut fluid, &mut action, &blood, &mut state, &mut shown, &water, mixing, step_s);
         fluid.step_with(step_s, solver, &action);
-        read(&fluid, &mut state, &shown, mixing);
+        read(&fluid, cavity, &mut state, &shown, mixing);
         state.steps += 1;
     }
 }
@@ -446,13 +446,14 @@ fn nearest_wet(fluid: &FluidSolver, place_m: Vec2) -> Vec2 {
 }
 
 /// What scores and panels want to know.
-fn read(fluid: &FluidSolver, state: &mut PoolState, shown: &Shown, mixing: &PoolFluid) {
+fn read(fluid: &FluidSolver, cavity: &Cavity, state: &mut PoolState, shown: &Shown, mixing: &PoolFluid) {
     state.blood_ml = fluid.total(Dissolved::Blood) * shown.cell_ml;
-    let size = fluid.grid().size();
     let mut hidden = 0_u32;
     if state.blood_ml > 0.0 {
-        for y in 0..size.y {
-            for x in 0..size.x {
+        // The mask reaches a cell beyond what is drilled; that one hides nothing.
+        let [low, high] = cavity.bounds();
+        for y in low.y..high.y {
+            for x in low.x..high.x {
                 hidden += u32::from(fluid.share(Dissolved::Blood, UVec2::new(x, y)) >= mixing.hidden_from);
             }
         }
