@@ -51,6 +51,12 @@ impl WetMask {
         cell.cmplt(self.size).all() && self.wet[(cell.y * self.size.x + cell.x) as usize]
     }
 
+    /// Whether the cells of a row hold fluid.
+    pub(super) fn row(&self, y: usize) -> &[bool] {
+        let width = self.size.x as usize;
+        &self.wet[y * width..(y + 1) * width]
+    }
+
     /// Number of cells that hold fluid.
     pub fn count(&self) -> usize {
         self.wet.iter().filter(|wet| **wet).count()

@@ -1,6 +1,7 @@
 //! Sources act on the fluid.
 
-use super::field::{Field, Places};
+use super::field::Field;
+use super::places::Places;
 use crate::pool::source::{FLOW_REACH, FluidSource, SOURCE_REACH, StepAmounts};
 use crate::pool::{PoolGrid, StirNoise};
 use glam::{UVec2, Vec2};
@@ -62,6 +63,11 @@ pub(super) fn flow(velocity: &mut [Field; 2], grid: &PoolGrid, places: &Places, 
     }
 }
 
+/// Whether a source brings or takes away anything.
+pub(super) fn dissolves(source: &FluidSource) -> bool {
+    source.clear > 0.0 || source.amount != [0.0; 2]
+}
+
 /// What a source brings is shared out over the wet cells by its weights, so that walls do not change the amount.
 pub(super) fn dissolve(
     dissolved: &mut [Field; 2],
@@ -70,9 +76,6 @@ pub(super) fn dissolve(
     source: &FluidSource,
     amounts: &mut StepAmounts,
 ) {
-    if source.clear <= 0.0 && source.amount == [0.0; 2] {
-        return;
-    }
     let weights = weight_sum(grid, places, source);
     if weights <= 0.0 {
         return;

@@ -1,232 +1,378 @@
 //! Carrying quantities with the flow.
 
-use super::field::{At, Field, Places, for_rows, for_rows_of_two};
-use super::spans::Spans;
+use super::field::{At, FRAME, Field, for_rows_of_two, row_sum, rows_at_once};
+use super::places::Places;
+use super::portable::{Lanes, Work};
+use super::vectors::Vectors;
 use super::{Advection, MAX_CELLS_PER_STEP};
-use glam::{UVec2, Vec2};
+use rayon::prelude::*;
 
 /// What carries, and where.
+#[derive(Clone, Copy)]
 pub(super) struct Flow<'a> {
     pub places: &'a Places,
-    pub spans: &'a Spans,
+    pub vectors: Vectors,
     /// Cells that a velocity of 1 goes in a step.
     pub cells_per_velocity: f32,
-}
-
-/// Four neighbours of a place in memory, and their weights.
-struct Corners {
-    place: usize,
-    stride: usize,
-    weights: [f32; 4],
-}
-
-impl Corners {
-    /// Around a place that lies in the grid, in cells from the first number of the field.
-    #[inline(always)]
-    fn new(at: Vec2, stride: usize) -> Self {
-        // Never negative: the frame of one cell is counted.
-        let (x, y) = (at.x + 1.0, at.y + 1.0);
-        let (column, row) = (x as usize, y as usize);
-        let (a, b) = (x - column as f32, y - row as f32);
-        let weights = [(1.0 - a) * (1.0 - b), a * (1.0 - b), (1.0 - a) * b, a * b];
-        Self { place: row * stride + column, stride, weights }
-    }
-
-    #[inline(always)]
-    fn values(&self, of: &[f32]) -> [f32; 4] {
-        let (low, high) = (&of[self.place..self.place + 2], &of[self.place + self.stride..][..2]);
-        [low[0], low[1], high[0], high[1]]
-    }
-
-    #[inline(always)]
-    fn interpolate(&self, of: &[f32]) -> f32 {
-        let [a, b, c, d] = self.values(of);
-        let [wa, wb, wc, wd] = self.weights;
-        (a * wa + b * wb) + (c * wc + d * wd)
-    }
-
-    /// The same from those numbers alone that mean something; none if there is none.
-    #[inline(always)]
-    fn interpolate_known(&self, of: &[f32], known: &[f32]) -> Option<f32> {
-        let known = self.values(known);
-        let weights: [f32; 4] = std::array::from_fn(|k| self.weights[k] * known[k]);
-        let weight: f32 = weights.iter().sum();
-        let values = self.values(of);
-        let sum: f32 = (0..4).map(|k| weights[k] * values[k]).sum();
-        (weight > 1e-6).then(|| sum / weight)
-    }
-
-    /// Least and greatest of those that mean something.
-    #[inline(always)]
-    fn bounds(&self, of: &[f32], known: Option<&[f32]>) -> [f32; 2] {
-        let (values, known) = (self.values(of), known.map_or([1.0; 4], |known| self.values(known)));
-        let mut bounds = [f32::INFINITY, f32::NEG_INFINITY];
-        for (value, _) in values.into_iter().zip(known).filter(|(_, known)| *known > 0.0) {
-            bounds = [bounds[0].min(value), bounds[1].max(value)];
-        }
-        bounds
-    }
 }
 
 impl Flow<'_> {
     /// Carries a velocity, the reflected one if there is one and otherwise the velocity itself, with the velocity.
     pub fn carry_velocity(
         &self,
-        velocity: &mut [Field; 2],
+        velocity: &[Field; 2],
         reflected: Option<&[Field; 2]>,
         next: &mut [Field; 2],
         other: &mut [Field; 2],
         advection: Advection,
     ) {
-        for (axis, at) in [(0, At::Left), (1, At::Below)] {
-            let (from, by) = (&reflected.unwrap_or(velocity)[axis], &*velocity);
-            self.carry(from, &mut next[axis], by, at, 1.0);
-            if advection == Advection::MacCormack {
-                self.carry(&next[axis], &mut other[axis], by, at, -1.0);
-                self.correct(from, &mut next[axis], &other[axis], by, at);
-            }
+        let from = reflected.unwrap_or(velocity);
+        let carry = |into: &mut [Field; 2], carried: Option<&[Field; 2]>| {
+            for_rows_of_two(into, |y, [u, v]| {
+                for (axis, at, out) in [(0, At::Left, u), (1, At::Below, v)] {
+                    let carried = carried.map(|carried| [carried[axis].values()]);
+                    let quantities = Quantities { from: [from[axis].values()], carried, factors: [1.0] };
+                    self.vectors.run(Row { flow: *self, by: velocity, at, y, quantities, into: [out] });
+                }
+            });
+        };
+        carry(next, None);
+        if advection == Advection::MacCormack {
+            carry(other, Some(next));
+            std::mem::swap(next, other);
         }
-        std::mem::swap(velocity, next);
     }
 
-    /// Carries what is dissolved, so that its amounts stay.
+    /// Carries what is dissolved, times factors, and returns the sums.
     pub fn carry_dissolved(
         &self,
         dissolved: &mut [Field; 2],
+        factors: [f32; 2],
         velocity: &[Field; 2],
-        next: &mut [Field; 2],
-        other: &mut [Field; 2],
+        [next, other]: [&mut [Field; 2]; 2],
         advection: Advection,
-    ) {
-        match advection {
-            Advection::SemiLagrangian => self.carry_both(dissolved, next, velocity),
+    ) -> [f64; 2] {
+        let from = dissolved.each_ref().map(Field::values);
+        let carry = |into: &mut [Field; 2], carried: Option<&[Field; 2]>, factors: [f32; 2]| {
+            let carried = carried.map(|carried| carried.each_ref().map(Field::values));
+            let at_once = rows_at_once(into[0].stride());
+            let [a, b] = into;
+            let rows = a.rows_mut().zip(b.rows_mut()).enumerate().with_min_len(at_once);
+            let sums = rows.map(|(y, (a, b))| {
+                let quantities = Quantities { from, carried, factors };
+                self.vectors.run(Row { flow: *self, by: velocity, at: At::Middle, y, quantities, into: [a, b] })
+            });
+            sums.collect::<Vec<_>>()
+        };
+        let sums = match advection {
+            Advection::SemiLagrangian => carry(next, None, factors),
             Advection::MacCormack => {
-                for ((from, next), other) in dissolved.iter().zip(next.iter_mut()).zip(other) {
-                    self.carry(from, next, velocity, At::Middle, 1.0);
-                    self.carry(next, other, velocity, At::Middle, -1.0);
-                    self.correct(from, next, other, velocity, At::Middle);
+                carry(next, None, [1.0; 2]);
+                let sums = carry(other, Some(next), factors);
+                std::mem::swap(next, other);
+                sums
+            }
+        };
+        std::mem::swap(dissolved, next);
+        sums.iter().fold([0.0; 2], |sum, row| [sum[0] + row[0], sum[1] + row[1]])
+    }
+}
+
+/// What goes the same ways.
+#[derive(Clone, Copy)]
+struct Quantities<'a, const N: usize> {
+    from: [&'a [f32]; N],
+    /// What they were carried to before; then it is corrected.
+    carried: Option<[&'a [f32]; N]>,
+    factors: [f32; N],
+}
+
+/// A row of cells to carry to.
+struct Row<'a, const N: usize> {
+    flow: Flow<'a>,
+    by: &'a [Field; 2],
+    at: At,
+    y: usize,
+    quantities: Quantities<'a, N>,
+    into: [&'a mut [f32]; N],
+}
+
+impl<const N: usize> Work for Row<'_, N> {
+    type Output = [f64; N];
+
+    #[inline(always)]
+    fn run<L: Lanes>(mut self) -> [f64; N] {
+        let spans = &self.flow.places.spans;
+        for span in spans.of_row(self.y) {
+            for x in (span.start..span.end).step_by(L::COUNT) {
+                let numbers = match self.quantities.carried {
+                    None => self.carried::<L>(x),
+                    Some(carried) => self.corrected::<L>(x, carried),
+                };
+                for (numbers, into) in numbers.into_iter().zip(&mut self.into) {
+                    L::store(numbers, &mut into[FRAME + x..]);
                 }
             }
         }
-        std::mem::swap(dissolved, next);
+        self.into.map(|row| row_sum(row, spans, self.y))
     }
+}
 
-    /// Both dissolved quantities on the same ways.
-    fn carry_both(&self, from: &[Field; 2], into: &mut [Field; 2], velocity: &[Field; 2]) {
-        let stride = from[0].stride();
-        let [a, b] = [&from[0].values, &from[1].values];
-        let wet = &self.places.wet.values;
-        for_rows_of_two(into, self.spans, |y, [out_a, out_b], start, end, _| {
-            for x in start..end {
-                let place = (y + 1) * stride + x + 1;
-                if wet[place] == 0.0 {
-                    (out_a[x + 1], out_b[x + 1]) = (0.0, 0.0);
-                    continue;
-                }
-                let (at, is_free) = self.origin(velocity, At::Middle, x, y, place, stride, 1.0);
-                let corners = Corners::new(at, stride);
-                (out_a[x + 1], out_b[x + 1]) = if is_free {
-                    (corners.interpolate(a), corners.interpolate(b))
-                } else {
-                    let known = |of: &[f32]| corners.interpolate_known(of, wet).unwrap_or(of[place]);
-                    (known(a), known(b))
-                };
-            }
-        });
-    }
+/// Where the flow goes from some numbers of a field.
+struct Ways<L: Lanes> {
+    /// The numbers, in cells from the field's first.
+    here: [L::Numbers; 2],
+    way: [L::Numbers; 2],
+    longest: L::Numbers,
+    /// Whether no wall is near the way there or back.
+    is_free: L::Mask,
+    are_all_free: bool,
+}
 
-    /// Each number from where the flow comes from (or goes to, for a sign of -1).
-    fn carry(&self, from: &Field, into: &mut Field, velocity: &[Field; 2], at: At, sign: f32) {
-        let (stride, [known, open]) = (from.stride(), self.places.known_and_open(at));
-        for_rows(into, self.spans, |y, row, start, end, _| {
-            for x in start..end {
-                let place = (y + 1) * stride + x + 1;
-                if open.values[place] == 0.0 {
-                    row[x + 1] = 0.0;
-                    continue;
-                }
-                let (origin, is_free) = self.origin(velocity, at, x, y, place, stride, sign);
-                let corners = Corners::new(origin, stride);
-                row[x + 1] = if is_free {
-                    corners.interpolate(&from.values)
-                } else {
-                    corners.interpolate_known(&from.values, &known.values).unwrap_or(from.values[place])
-                };
-            }
-        });
-    }
-
-    /// Takes half of what came back wrong off what was carried, within the numbers that it was made of.
-    fn correct(&self, from: &Field, carried: &mut Field, returned: &Field, velocity: &[Field; 2], at: At) {
-        let (stride, [known, open]) = (from.stride(), self.places.known_and_open(at));
-        for_rows(carried, self.spans, |y, row, start, end, _| {
-            for x in start..end {
-                let place = (y + 1) * stride + x + 1;
-                if open.values[place] == 0.0 {
-                    continue;
-                }
-                let (origin, is_free) = self.origin(velocity, at, x, y, place, stride, 1.0);
-                let corners = Corners::new(origin, stride);
-                let [least, most] = corners.bounds(&from.values, (!is_free).then_some(&known.values[..]));
-                if least <= most {
-                    let corrected = row[x + 1] + 0.5 * (from.values[place] - returned.values[place]);
-                    row[x + 1] = corrected.clamp(least, most);
-                }
-            }
-        });
-    }
-
-    /// Where the flow at a number of a field comes from, in cells from the first number of that field; and whether no wall is
-    /// near the way.
+impl<const N: usize> Row<'_, N> {
+    /// In memory.
     #[inline(always)]
-    #[expect(clippy::too_many_arguments, reason = "the inner loop hands over what it knows already")]
-    fn origin(
-        &self,
-        [u, v]: &[Field; 2],
-        at: At,
-        x: usize,
-        y: usize,
-        place: usize,
-        stride: usize,
-        sign: f32,
-    ) -> (Vec2, bool) {
-        let (u, v) = (&u.values, &v.values);
-        let velocity = match at {
+    fn place(&self, x: usize) -> usize {
+        (self.y + 1) * self.by[0].stride() + FRAME + x
+    }
+
+    #[inline(always)]
+    fn ways<L: Lanes>(&self, x: usize) -> Ways<L> {
+        let [u, v] = [self.by[0].values(), self.by[1].values()];
+        let (place, stride) = (self.place(x), self.by[0].stride());
+        let [u, v] = match self.at {
             At::Left => {
-                Vec2::new(u[place], 0.25 * ((v[place - 1] + v[place]) + (v[place + stride - 1] + v[place + stride])))
+                let v = [sum_of::<L>(v, place - 1, place), sum_of::<L>(v, place + stride - 1, place + stride)];
+                [L::load(&u[place..]), L::mul(L::splat(0.25), L::add(v[0], v[1]))]
             }
             At::Below => {
-                Vec2::new(0.25 * ((u[place - stride] + u[place - stride + 1]) + (u[place] + u[place + 1])), v[place])
+                let u = [sum_of::<L>(u, place - stride, place - stride + 1), sum_of::<L>(u, place, place + 1)];
+                [L::mul(L::splat(0.25), L::add(u[0], u[1])), L::load(&v[place..])]
             }
-            At::Middle => Vec2::new(0.5 * (u[place] + u[place + 1]), 0.5 * (v[place] + v[place + stride])),
+            At::Middle => {
+                let half = L::splat(0.5);
+                let (u, v) = (sum_of::<L>(u, place, place + 1), sum_of::<L>(v, place, place + stride));
+                [L::mul(half, u), L::mul(half, v)]
+            }
         };
-        let way = (velocity * (self.cells_per_velocity * sign))
-            .clamp(Vec2::splat(-MAX_CELLS_PER_STEP), Vec2::splat(MAX_CELLS_PER_STEP));
-        let here = Vec2::new(x as f32, y as f32);
-        // Nothing that is read lies farther from the cell than that.
-        let is_free = f32::from(self.places.clearance[place]) > way.abs().max_element() + 2.0;
-        (if is_free { here - way } else { self.origin_beside_walls(here, way, at) }, is_free)
+        let way = [limited::<L>(u, self.flow.cells_per_velocity), limited::<L>(v, self.flow.cells_per_velocity)];
+        let (along, across) = (magnitude::<L>(way[0]), magnitude::<L>(way[1]));
+        let longest = L::max(along, across);
+        let clearance = L::load_bytes(&self.flow.places.clearance[place..]);
+        // Nothing that is read lies farther from the cell than that. What is no number is never free.
+        let far = L::add(longest, L::splat(2.0));
+        let is_free = L::and(L::is_less(far, clearance), L::is_less(along, clearance));
+        let here = [L::add(L::splat(x as f32), L::steps()), L::splat(self.y as f32)];
+        Ways { here, way, longest, is_free, are_all_free: !L::any(L::not(is_free)) }
     }
 
-    /// The same where walls may be in the way: it stops before them.
-    fn origin_beside_walls(&self, here: Vec2, way: Vec2, at: At) -> Vec2 {
-        let offset = at.offset();
-        let steps = way.abs().max_element().ceil().max(1.0);
-        let is_wet = |number: Vec2| {
-            let cell = (number + offset + 0.5).floor();
-            let size = self.places.wet.size;
-            cell.cmpge(Vec2::ZERO).all()
-                && cell.cmplt(size.as_vec2()).all()
-                && self.places.wet.at(UVec2::new(cell.x as u32, cell.y as u32)) > 0.0
-        };
-        let mut reached = here;
-        for step in 1..=steps as u32 {
-            let next = here - way * (step as f32 / steps);
-            if !is_wet(next) {
-                break;
+    #[inline(always)]
+    fn carried<L: Lanes>(&self, x: usize) -> [L::Numbers; N] {
+        let place = self.place(x);
+        let Quantities { from, factors, .. } = self.quantities;
+        let ways = self.ways::<L>(x);
+        let origin = self.origin::<L>(&ways, false);
+        let corners = Corners::<L>::new(origin, self.by[0].stride());
+        let mut numbers = [L::splat(0.0); N];
+        if ways.are_all_free {
+            for k in 0..N {
+                numbers[k] = L::mul(corners.interpolate(corners.values(from[k])), L::splat(factors[k]));
             }
-            reached = next;
+            return numbers;
         }
-        reached
+        let [known, open] = self.flow.places.known_and_open(self.at);
+        let is_open = L::is_less(L::splat(0.0), L::load(&open.values()[place..]));
+        if !L::any(is_open) {
+            return numbers;
+        }
+        let known = corners.known(known.values());
+        for k in 0..N {
+            let values = corners.values(from[k]);
+            let beside_walls = known.interpolate(values, L::load(&from[k][place..]));
+            let number = L::select(ways.is_free, corners.interpolate(values), beside_walls);
+            numbers[k] = L::select(is_open, L::mul(number, L::splat(factors[k])), L::splat(0.0));
+        }
+        numbers
+    }
+
+    /// What was carried, without half of what comes back wrong when it is carried back, within the numbers that it was made of.
+    #[inline(always)]
+    fn corrected<L: Lanes>(&self, x: usize, carried: [&[f32]; N]) -> [L::Numbers; N] {
+        let place = self.place(x);
+        let Quantities { from, factors, .. } = self.quantities;
+        let ways = self.ways::<L>(x);
+        let stride = self.by[0].stride();
+        let corners = Corners::<L>::new(self.origin::<L>(&ways, false), stride);
+        let back = Corners::<L>::new(self.origin::<L>(&ways, true), stride);
+        let mut numbers = [L::splat(0.0); N];
+        if ways.are_all_free {
+            for k in 0..N {
+                let own = L::load(&carried[k][place..]);
+                let returned = back.interpolate(back.values(carried[k]));
+                let corrected = less_half_the_error::<L>(own, L::load(&from[k][place..]), returned);
+                let [a, b, c, d] = corners.values(from[k]);
+                let least = L::min(L::min(a, b), L::min(c, d));
+                let most = L::max(L::max(a, b), L::max(c, d));
+                numbers[k] = L::mul(L::min(most, L::max(least, corrected)), L::splat(factors[k]));
+            }
+            return numbers;
+        }
+        let [known, open] = self.flow.places.known_and_open(self.at);
+        let is_open = L::is_less(L::splat(0.0), L::load(&open.values()[place..]));
+        if !L::any(is_open) {
+            return numbers;
+        }
+        let (known_there, known_back) = (corners.known(known.values()), back.known(known.values()));
+        let (low, high) = (L::splat(f32::NEG_INFINITY), L::splat(f32::INFINITY));
+        for k in 0..N {
+            let own = L::load(&carried[k][place..]);
+            let values = back.values(carried[k]);
+            let returned = L::select(ways.is_free, back.interpolate(values), known_back.interpolate(values, own));
+            let corrected = less_half_the_error::<L>(own, L::load(&from[k][place..]), returned);
+            let (mut least, mut most) = (high, low);
+            let values = corners.values(from[k]);
+            for corner in 0..4 {
+                let counts = L::is_less(L::splat(0.0), known_there.factors[corner]);
+                least = L::min(least, L::select(counts, values[corner], high));
+                most = L::max(most, L::select(counts, values[corner], low));
+            }
+            let limited = L::select(L::is_less(most, least), own, L::min(most, L::max(least, corrected)));
+            numbers[k] = L::select(is_open, L::mul(limited, L::splat(factors[k])), L::splat(0.0));
+        }
+        numbers
+    }
+
+    /// Where the flow comes from, or goes to, in cells from the first number of the field.
+    #[inline(always)]
+    fn origin<L: Lanes>(&self, ways: &Ways<L>, is_back: bool) -> [L::Numbers; 2] {
+        let Ways { here, way: [along, across], .. } = *ways;
+        let zero = L::splat(0.0);
+        let way = if is_back { [L::sub(zero, along), L::sub(zero, across)] } else { [along, across] };
+        let origin = [L::sub(here[0], way[0]), L::sub(here[1], way[1])];
+        if ways.are_all_free {
+            return origin;
+        }
+        let stopped = self.origin_beside_walls::<L>(ways, way);
+        [L::select(ways.is_free, origin[0], stopped[0]), L::select(ways.is_free, origin[1], stopped[1])]
+    }
+
+    /// The same where walls may be in the way: it stops before them. Here where none are.
+    #[inline(always)]
+    fn origin_beside_walls<L: Lanes>(&self, ways: &Ways<L>, way: [L::Numbers; 2]) -> [L::Numbers; 2] {
+        let wet = &self.flow.places.wet;
+        let (values, stride, size) = (wet.values(), wet.stride() as f32, wet.size.as_vec2());
+        let offset = self.at.offset() + 0.5;
+        let zero = L::splat(0.0);
+        // Whole steps of a cell at most.
+        let one = L::splat(1.0);
+        let steps = L::max(L::sub(zero, L::floor(L::sub(zero, ways.longest))), one);
+        let mut reached = ways.here;
+        let mut goes_on = L::not(ways.is_free);
+        let mut step = one;
+        loop {
+            goes_on = L::and(goes_on, L::not(L::is_less(steps, step)));
+            if !L::any(goes_on) {
+                return reached;
+            }
+            let share = L::div(step, steps);
+            let next = [L::sub(ways.here[0], L::mul(way[0], share)), L::sub(ways.here[1], L::mul(way[1], share))];
+            let column = L::floor(L::add(next[0], L::splat(offset.x)));
+            let row = L::floor(L::add(next[1], L::splat(offset.y)));
+            // Beyond the grid there are walls; no way ends beyond the frame's rows, and the frame is dry.
+            let is_below = L::and(L::is_less(column, L::splat(size.x)), L::is_less(row, L::splat(size.y)));
+            let is_above = L::and(L::is_less(L::splat(-1.0), column), L::is_less(L::splat(-1.0), row));
+            let place = L::add(L::mul(L::add(row, one), L::splat(stride)), L::add(column, L::splat(FRAME as f32)));
+            let [is_wet, _] = L::pairs(values, place);
+            goes_on = L::and(goes_on, L::and(L::and(is_below, is_above), L::is_less(zero, is_wet)));
+            reached = [L::select(goes_on, next[0], reached[0]), L::select(goes_on, next[1], reached[1])];
+            step = L::add(step, one);
+        }
+    }
+}
+
+/// Sum of the numbers at two places, and the same for those that follow.
+#[inline(always)]
+fn sum_of<L: Lanes>(of: &[f32], a: usize, b: usize) -> L::Numbers {
+    L::add(L::load(&of[a..]), L::load(&of[b..]))
+}
+
+#[inline(always)]
+fn magnitude<L: Lanes>(numbers: L::Numbers) -> L::Numbers {
+    L::max(L::sub(L::splat(0.0), numbers), numbers)
+}
+
+/// What a velocity goes in a step, cells. What is no number stays it.
+#[inline(always)]
+fn limited<L: Lanes>(velocity: L::Numbers, cells_per_velocity: f32) -> L::Numbers {
+    let way = L::mul(velocity, L::splat(cells_per_velocity));
+    L::min(L::splat(MAX_CELLS_PER_STEP), L::max(L::splat(-MAX_CELLS_PER_STEP), way))
+}
+
+#[inline(always)]
+fn less_half_the_error<L: Lanes>(carried: L::Numbers, from: L::Numbers, returned: L::Numbers) -> L::Numbers {
+    L::add(carried, L::mul(L::splat(0.5), L::sub(from, returned)))
+}
+
+/// Four neighbours of places, in memory, and their weights.
+struct Corners<L: Lanes> {
+    place: L::Numbers,
+    stride: usize,
+    weights: [L::Numbers; 4],
+}
+
+/// Which of them mean something.
+struct Known<L: Lanes> {
+    factors: [L::Numbers; 4],
+    /// Weights of those alone, and their sum.
+    weights: [L::Numbers; 4],
+    weight: L::Numbers,
+}
+
+impl<L: Lanes> Corners<L> {
+    /// Around places that lie in the grid or less than a cell beside it, in cells from the first number of the field.
+    #[inline(always)]
+    fn new(at: [L::Numbers; 2], stride: usize) -> Self {
+        let one = L::splat(1.0);
+        let (x, y) = (L::add(at[0], one), L::add(at[1], one));
+        let (column, row) = (L::floor(x), L::floor(y));
+        let (a, b) = (L::sub(x, column), L::sub(y, row));
+        let (a_left, b_left) = (L::sub(one, a), L::sub(one, b));
+        let weights = [L::mul(a_left, b_left), L::mul(a, b_left), L::mul(a_left, b), L::mul(a, b)];
+        // Exact: no grid has more than 2^24 numbers.
+        let row = L::add(L::mul(row, L::splat(stride as f32)), L::splat((FRAME - 1) as f32));
+        Self { place: L::add(row, column), stride, weights }
+    }
+
+    #[inline(always)]
+    fn values(&self, of: &[f32]) -> [L::Numbers; 4] {
+        let [[a, b], [c, d]] = [L::pairs(of, self.place), L::pairs(&of[self.stride..], self.place)];
+        [a, b, c, d]
+    }
+
+    #[inline(always)]
+    fn interpolate(&self, [a, b, c, d]: [L::Numbers; 4]) -> L::Numbers {
+        let [wa, wb, wc, wd] = self.weights;
+        L::add(L::add(L::mul(a, wa), L::mul(b, wb)), L::add(L::mul(c, wc), L::mul(d, wd)))
+    }
+
+    #[inline(always)]
+    fn known(&self, known: &[f32]) -> Known<L> {
+        let factors = self.values(known);
+        let mut weights = self.weights;
+        for k in 0..4 {
+            weights[k] = L::mul(weights[k], factors[k]);
+        }
+        let [a, b, c, d] = weights;
+        Known { factors, weights, weight: L::add(L::add(L::add(a, b), c), d) }
+    }
+}
+
+impl<L: Lanes> Known<L> {
+    /// From those numbers alone that mean something, or another number where there is none.
+    #[inline(always)]
+    fn interpolate(&self, [a, b, c, d]: [L::Numbers; 4], other: L::Numbers) -> L::Numbers {
+        let [wa, wb, wc, wd] = self.weights;
+        let sum = L::add(L::add(L::add(L::mul(wa, a), L::mul(wb, b)), L::mul(wc, c)), L::mul(wd, d));
+        L::select(L::is_less(L::splat(1e-6), self.weight), L::div(sum, self.weight), other)
     }
 }

@@ -1,121 +1,146 @@
-//! Numbers of cells, and what lies where.
+//! Numbers of cells, in memory as vectors like it.
 
 use super::spans::Spans;
+use bytemuck::{Pod, Zeroable};
 use glam::{UVec2, Vec2};
 use rayon::prelude::*;
+use std::ops::Range;
+
+/// Numbers in front of each row. The first of a row's cells begins a line of the cache, and the last one's right neighbour is the
+/// next row's frame.
+pub(super) const FRAME: usize = 16;
 
 /// Rows of a length that a thread takes at once at least: fewer cells are not worth the handing over.
-fn rows_at_once(stride: usize) -> usize {
+pub(super) fn rows_at_once(stride: usize) -> usize {
     (4096 / stride).max(4)
 }
 
-/// A number per cell, with a frame of one cell around them that stays 0.
+#[derive(Clone, Copy, Debug, Pod, Zeroable)]
+#[repr(C, align(64))]
+struct Line([f32; FRAME]);
+
+/// A number per cell, with a frame around them that stays 0. Rows are filled up to whole lines with more of the frame.
 #[derive(Clone, Debug)]
 pub(super) struct Field {
     pub size: UVec2,
-    pub values: Vec<f32>,
+    lines: Vec<Line>,
+}
+
+/// Columns of a row that is filled up.
+pub(super) fn filled_width(size: UVec2) -> usize {
+    (size.x as usize).next_multiple_of(FRAME)
 }
 
 impl Field {
     pub fn zero(size: UVec2) -> Self {
-        Self { size, values: vec![0.0; ((size.x + 2) * (size.y + 2)) as usize] }
+        let stride = filled_width(size) + FRAME;
+        // One line more: the last row's frame to the right.
+        let lines = stride / FRAME * (size.y as usize + 2) + 1;
+        Self { size, lines: vec![Line::zeroed(); lines] }
     }
 
     pub fn stride(&self) -> usize {
-        self.size.x as usize + 2
+        filled_width(self.size) + FRAME
+    }
+
+    pub fn values(&self) -> &[f32] {
+        bytemuck::cast_slice(&self.lines)
+    }
+
+    pub fn values_mut(&mut self) -> &mut [f32] {
+        bytemuck::cast_slice_mut(&mut self.lines)
     }
 
     /// Place in memory; also for one column and row more than the grid has.
     pub fn place(&self, cell: UVec2) -> usize {
-        (cell.y as usize + 1) * self.stride() + cell.x as usize + 1
+        (cell.y as usize + 1) * self.stride() + cell.x as usize + FRAME
     }
 
     pub fn at(&self, cell: UVec2) -> f32 {
-        self.values[self.place(cell)]
+        self.values()[self.place(cell)]
     }
 
     pub fn at_mut(&mut self, cell: UVec2) -> &mut f32 {
         let place = self.place(cell);
-        &mut self.values[place]
+        &mut self.values_mut()[place]
     }
 
-    /// 0 where another field is 0.
-    pub fn keep(&mut self, where_: &Field) {
-        self.values.par_iter_mut().zip(&where_.values).for_each(|(value, kept)| {
-            if *kept == 0.0 {
-                *value = 0.0;
-            }
-        });
+    /// The numbers of a row of cells with the frame on both sides; the frame's rows come before 0 and after the last.
+    pub fn row(&self, y: isize) -> &[f32] {
+        let stride = self.stride();
+        &self.values()[(y + 1) as usize * stride..][..stride + FRAME]
+    }
+
+    /// The rows of cells, each with the frame before it.
+    pub fn rows_mut(&mut self) -> impl IndexedParallelIterator<Item = &mut [f32]> {
+        let (stride, height) = (self.stride(), self.size.y as usize);
+        self.values_mut()[stride..stride * (height + 1)].par_chunks_exact_mut(stride)
     }
 
     /// Puts a function of the cell and its number in the number's place, over the spans.
     pub fn update(&mut self, spans: &Spans, of: impl Fn(UVec2, f32) -> f32 + Sync) {
-        for_rows(self, spans, |y, row, start, end, _| {
-            for x in start..end {
-                let cell = UVec2::new(x as u32, y as u32);
-                row[x + 1] = of(cell, row[x + 1]);
+        let width = self.size.x as usize;
+        for_rows(self, |y, row| {
+            for span in spans.of_row(y) {
+                for x in span.start..span.end.min(width) {
+                    let cell = UVec2::new(x as u32, y as u32);
+                    row[FRAME + x] = of(cell, row[FRAME + x]);
+                }
             }
         });
     }
 
     /// Sum over the spans, the same for any number of threads.
     pub fn sum(&self, spans: &Spans) -> f64 {
-        let stride = self.stride();
-        let rows: Vec<f64> = self
-            .values
-            .par_chunks(stride)
-            .skip(1)
-            .take(self.size.y as usize)
-            .enumerate()
-            .with_min_len(rows_at_once(stride))
-            .map(|(y, row)| {
-                let of_span = |span: &super::spans::Span| {
-                    // Eight sums at a time: one after another would wait for each addition.
-                    let mut sums = [0.0_f64; 8];
-                    for (place, value) in row[span.start + 1..span.end + 1].iter().enumerate() {
-                        sums[place % 8] += f64::from(*value);
-                    }
-                    sums.iter().sum::<f64>()
-                };
-                spans.of_row(y).iter().map(of_span).sum()
-            })
+        let rows: Vec<f64> = (0..self.size.y as usize)
+            .into_par_iter()
+            .with_min_len(rows_at_once(self.stride()))
+            .map(|y| row_sum(self.row(y as isize), spans, y))
             .collect();
         rows.iter().sum()
     }
-
-    /// Multiplies all numbers.
-    pub fn scale(&mut self, spans: &Spans, by: f32) {
-        for_rows(self, spans, |_, row, start, end, _| {
-            row[start + 1..end + 1].iter_mut().for_each(|value| *value *= by)
-        });
-    }
 }
 
-/// Calls a function for each span of each row: the row's number, its numbers with the frame, where the span begins and ends
-/// (columns), and whether no wall is near it.
-pub(super) fn for_rows(field: &mut Field, spans: &Spans, of: impl Fn(usize, &mut [f32], usize, usize, bool) + Sync) {
-    let (stride, height) = (field.stride(), field.size.y as usize);
-    let rows = field.values.par_chunks_mut(stride).skip(1).take(height).enumerate().with_min_len(rows_at_once(stride));
-    rows.for_each(|(y, row)| {
-        for span in spans.of_row(y) {
-            of(y, row, span.start, span.end, span.is_deep);
+/// Sum of a row over its spans.
+#[inline(always)]
+pub(super) fn row_sum(row: &[f32], spans: &Spans, y: usize) -> f64 {
+    // Sixteen sums at a time: one after another would wait for each addition.
+    let mut sums = [0.0_f64; FRAME];
+    for span in spans.of_row(y) {
+        for line in row[FRAME + span.start..FRAME + span.end].as_chunks::<FRAME>().0 {
+            for (sum, value) in sums.iter_mut().zip(line) {
+                *sum += f64::from(*value);
+            }
         }
-    });
+    }
+    sums.iter().sum()
+}
+
+/// Calls a function for each row of cells: its number, and its numbers with the frame before them.
+pub(super) fn for_rows(field: &mut Field, of: impl Fn(usize, &mut [f32]) + Sync) {
+    let at_once = rows_at_once(field.stride());
+    field.rows_mut().enumerate().with_min_len(at_once).for_each(|(y, row)| of(y, row));
 }
 
 /// The same for two fields of one size.
-pub(super) fn for_rows_of_two(
-    [a, b]: &mut [Field; 2],
-    spans: &Spans,
-    of: impl Fn(usize, [&mut [f32]; 2], usize, usize, bool) + Sync,
-) {
-    let (stride, height) = (a.stride(), a.size.y as usize);
-    let rows = a.values.par_chunks_mut(stride).zip(b.values.par_chunks_mut(stride));
-    rows.skip(1).take(height).enumerate().with_min_len(rows_at_once(stride)).for_each(|(y, (a, b))| {
-        for span in spans.of_row(y) {
-            of(y, [&mut *a, &mut *b], span.start, span.end, span.is_deep);
-        }
-    });
+pub(super) fn for_rows_of_two([a, b]: &mut [Field; 2], of: impl Fn(usize, [&mut [f32]; 2]) + Sync) {
+    let at_once = rows_at_once(a.stride());
+    let rows = a.rows_mut().zip(b.rows_mut());
+    rows.enumerate().with_min_len(at_once).for_each(|(y, (a, b))| of(y, [a, b]));
+}
+
+/// The rows of cells of some bands one after another, each with the frame before it.
+pub(super) fn bands_of<'a>(field: &'a mut Field, bands: &[Range<usize>]) -> Vec<&'a mut [f32]> {
+    let stride = field.stride();
+    let (mut rest, mut first) = (field.values_mut(), 0);
+    let band = |rows: &Range<usize>| {
+        let (start, end) = ((rows.start + 1) * stride, (rows.end + 1) * stride);
+        let band;
+        (band, rest) = std::mem::take(&mut rest)[start - first..].split_at_mut(end - start);
+        first = end;
+        band
+    };
+    bands.iter().map(band).collect()
 }
 
 /// Where the numbers of a field lie in their cells.
@@ -133,75 +158,6 @@ impl At {
             Self::Left => Vec2::new(-0.5, 0.0),
             Self::Below => Vec2::new(0.0, -0.5),
             Self::Middle => Vec2::ZERO,
-        }
-    }
-}
-
-/// What is fluid and what is wall, as factors: 1 or 0.
-#[derive(Clone, Debug)]
-pub(super) struct Places {
-    /// Cells with fluid.
-    pub wet: Field,
-    /// Left sides with fluid on both sides, and lower ones.
-    pub open_x: Field,
-    pub open_y: Field,
-    /// Sides with fluid on at least one side: in walls there is no velocity to interpolate with.
-    pub known_x: Field,
-    pub known_y: Field,
-    /// Cells from each cell to the nearest wall, along rows, columns and diagonals; 1 beside one, 255 at most. With the frame.
-    pub clearance: Vec<u8>,
-}
-
-impl Places {
-    pub fn new(size: UVec2) -> Self {
-        let field = || Field::zero(size);
-        let clearance = vec![0; field().values.len()];
-        Self { wet: field(), open_x: field(), open_y: field(), known_x: field(), known_y: field(), clearance }
-    }
-
-    pub fn set(&mut self, is_wet: impl Fn(UVec2) -> bool) {
-        let size = self.wet.size;
-        for y in 0..size.y {
-            for x in 0..size.x {
-                let cell = UVec2::new(x, y);
-                *self.wet.at_mut(cell) = f32::from(u8::from(is_wet(cell)));
-            }
-        }
-        let stride = self.wet.stride();
-        for place in stride..self.wet.values.len() {
-            let wet = &self.wet.values;
-            let (own, left, below) = (wet[place], wet[place - 1], wet[place - stride]);
-            self.open_x.values[place] = own * left;
-            self.open_y.values[place] = own * below;
-            self.known_x.values[place] = own.max(left);
-            self.known_y.values[place] = own.max(below);
-        }
-        self.measure_clearance();
-    }
-
-    /// For numbers at a place of their cells: which of them mean something, and which of them move.
-    pub fn known_and_open(&self, at: At) -> [&Field; 2] {
-        match at {
-            At::Left => [&self.known_x, &self.open_x],
-            At::Below => [&self.known_y, &self.open_y],
-            At::Middle => [&self.wet, &self.wet],
-        }
-    }
-
-    /// Once down and once up: each cell from the four neighbours that were looked at before it.
-    fn measure_clearance(&mut self) {
-        let stride = self.wet.stride();
-        let (first, last) = (stride + 1, self.wet.values.len() - stride - 1);
-        self.clearance.fill(0);
-        for place in first..last {
-            let above = &self.clearance[place - stride - 1..place - stride + 2];
-            let least = above.iter().fold(self.clearance[place - 1], |least, other| least.min(*other));
-            self.clearance[place] = if self.wet.values[place] > 0.0 { least.saturating_add(1) } else { 0 };
-        }
-        for place in (first..last).rev() {
-            let below = &self.clearance[place + stride - 1..place + stride + 2];
-            let least = below.iter().fold(self.clearance[place + 1], |least, other| least.min(*other));
-            self.clearance[place] = self.clearance[place].min(least.saturating_add(1));
         }
     }
 }

@@ -7,8 +7,12 @@ mod act;
 mod advect;
 mod diffuse;
 mod field;
+mod places;
+mod portable;
 mod project;
 mod spans;
+mod vectors;
+mod wave;
 
 use super::{FluidAction, FluidSource, PoolError, PoolGrid, StepAmounts, StirNoise, WetMask};
 use advect::Flow;
@@ -16,10 +20,14 @@ use bevy::ecs::component::Component;
 use bevy::ecs::reflect::ReflectComponent;
 use bevy::reflect::Reflect;
 use bevy::reflect::std_traits::ReflectDefault;
-use field::{Field, Places};
+use diffuse::Diffusion;
+use field::{FRAME, Field};
 use glam::{UVec2, Vec2};
+use places::Places;
+use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
-use spans::Spans;
+use std::ops::Range;
+use vectors::Vectors;
 
 /// Farthest that anything moves in a step, cells; what is faster is slowed down to it.
 pub const MAX_CELLS_PER_STEP: f32 = 24.0;
@@ -82,11 +90,16 @@ pub enum Dissolved {
 pub struct FluidSolver {
     grid: PoolGrid,
     noise: StirNoise,
+    vectors: Vectors,
+    mask: WetMask,
     places: Places,
-    spans: Spans,
     /// Velocity through the left and the lower side of each cell, metres per second.
     velocity: [Field; 2],
     dissolved: [Field; 2],
+    /// What the dissolved numbers must be multiplied by: amounts are corrected when they are next carried.
+    factors: [f32; 2],
+    /// Sums of the dissolved numbers, if they are known.
+    sums: Option<[f64; 2]>,
     pressure: Field,
     /// Share of a step's pressure that the projection has to do, the rest of which the reflection did.
     pressure_share: f32,
@@ -94,7 +107,8 @@ pub struct FluidSolver {
     next: [Field; 2],
     other: [Field; 2],
     reflected: [Field; 2],
-    divergence: Field,
+    next_pressure: Field,
+    rooms: Vec<project::Room>,
 }
 
 impl FluidSolver {
@@ -104,18 +118,22 @@ impl FluidSolver {
         let mut made = Self {
             grid,
             noise: StirNoise::default(),
+            vectors: Vectors::best(),
+            mask: WetMask::from_fn(&grid, |_| true),
             places: Places::new(grid.size()),
-            spans: Spans::default(),
             velocity: [field(), field()],
             dissolved: [field(), field()],
+            factors: [1.0; 2],
+            sums: Some([0.0; 2]),
             pressure: field(),
             pressure_share: 1.0,
             next: [field(), field()],
             other: [field(), field()],
             reflected: [field(), field()],
-            divergence: field(),
+            next_pressure: field(),
+            rooms: Vec::new(),
         };
-        made.wet(|_| true);
+        made.places.set(&made.mask, 0..grid.size().y as usize);
         made
     }
 
@@ -133,31 +151,49 @@ impl FluidSolver {
         if mask.size() != self.grid.size() {
             return Err(PoolError::MaskSize { found: mask.size(), expected: self.grid.size() });
         }
-        let before = self.totals();
-        self.wet(|cell| mask.is_wet(cell));
-        let after = self.totals();
-        Ok([before[0] - after[0], before[1] - after[1]])
+        let height = mask.size().y as usize;
+        let differs = |y: &usize| self.mask.row(*y) != mask.row(*y);
+        let Some(first) = (0..height).find(differs) else { return Ok([0.0; 2]) };
+        let last = (first..height).rfind(differs).unwrap_or(first);
+        Ok(self.wet(mask, first..last + 1))
     }
 
-    fn wet(&mut self, is_wet: impl Fn(UVec2) -> bool) {
-        self.places.set(is_wet);
-        self.spans = Spans::new(&self.places);
-        self.velocity[0].keep(&self.places.open_x);
-        self.velocity[1].keep(&self.places.open_y);
-        for field in self.dissolved.iter_mut().chain([&mut self.pressure]) {
-            field.keep(&self.places.wet);
+    /// Fluid is where a mask says that differs in some rows only; returns what was dissolved in cells that became walls.
+    fn wet(&mut self, mask: &WetMask, rows: Range<usize>) -> [f64; 2] {
+        let change = self.places.set(mask, rows.clone());
+        let places = &self.places;
+        let in_rows = |field: &mut Field, rows: Range<usize>, of: &(dyn Fn(usize, &mut [f32]) -> f64 + Sync)| {
+            let some = field.rows_mut().enumerate().skip(rows.start).take(rows.len());
+            some.map(|(y, row)| of(y, row)).collect::<Vec<_>>().iter().sum::<f64>()
+        };
+        // Lower sides change with the cells below them.
+        let sides = rows.start..(rows.end + 1).min(mask.size().y as usize);
+        let [u, v] = &mut self.velocity;
+        in_rows(u, sides.clone(), &|y, row| keep(row, places.open_x.row(y as isize)));
+        in_rows(v, sides, &|y, row| keep(row, places.open_y.row(y as isize)));
+        in_rows(&mut self.pressure, rows.clone(), &|y, row| keep(row, places.wet.row(y as isize)));
+        let mut lost = [0.0; 2];
+        for ((lost, field), factor) in lost.iter_mut().zip(&mut self.dissolved).zip(self.factors) {
+            *lost = f64::from(factor) * in_rows(field, rows.clone(), &|y, row| keep(row, places.wet.row(y as isize)));
         }
+        self.sums = None;
         // What is not written in a step must be 0.
-        for field in
-            self.next.iter_mut().chain(&mut self.other).chain(&mut self.reflected).chain([&mut self.divergence])
-        {
-            *field = Field::zero(self.grid.size());
+        let room = self.next.iter_mut().chain(&mut self.other).chain(&mut self.reflected);
+        for field in room.chain([&mut self.next_pressure]) {
+            in_rows(field, rows.clone(), &|y, row| {
+                for columns in spans::left(&change[y - rows.start], places.spans.of_row(y)) {
+                    row[FRAME + columns.start..FRAME + columns.end].fill(0.0);
+                }
+                0.0
+            });
         }
+        self.mask.clone_from(mask);
+        lost
     }
 
     /// Whether a cell holds fluid.
     pub fn is_wet(&self, cell: UVec2) -> bool {
-        cell.cmplt(self.grid.size()).all() && self.places.wet.at(cell) > 0.0
+        self.mask.is_wet(cell)
     }
 
     /// Velocity in the middle of a cell, metres per second; 0 beyond the grid.
@@ -179,12 +215,15 @@ impl FluidSolver {
 
     /// Share of a cell that is blood or dust; 0 beyond the grid.
     pub fn share(&self, what: Dissolved, cell: UVec2) -> f32 {
-        if cell.cmplt(self.grid.size()).all() { self.dissolved[what as usize].at(cell) } else { 0.0 }
+        let what = what as usize;
+        if cell.cmplt(self.grid.size()).all() { self.dissolved[what].at(cell) * self.factors[what] } else { 0.0 }
     }
 
     /// Amount of blood or dust in the whole pool, in cells full of it.
     pub fn total(&self, what: Dissolved) -> f64 {
-        self.dissolved[what as usize].sum(&self.spans)
+        let what = what as usize;
+        let sum = self.sums.map_or_else(|| self.dissolved[what].sum(&self.places.spans), |sums| sums[what]);
+        sum * f64::from(self.factors[what])
     }
 
     /// How high the pressure lifts the surface of a cell above its mean, metres, when steps take so many seconds and gravity is
@@ -199,9 +238,21 @@ impl FluidSolver {
     /// Adds blood or dust to a cell, as a share of it; the share stays between 0 and 1. Nothing happens in walls.
     pub fn add(&mut self, what: Dissolved, cell: UVec2, share: f32) {
         if self.is_wet(cell) && share.is_finite() {
+            self.settle();
             let own = self.dissolved[what as usize].at_mut(cell);
             *own = (*own + share).clamp(0.0, 1.0);
         }
+    }
+
+    /// Multiplies what is dissolved by the factors that it waits for, before something else is done with it.
+    fn settle(&mut self) {
+        for (field, factor) in self.dissolved.iter_mut().zip(&mut self.factors) {
+            if *factor != 1.0 {
+                field.update(&self.places.spans, |_, share| share * *factor);
+                *factor = 1.0;
+            }
+        }
+        self.sums = None;
     }
 
     /// Adds to the velocity, metres per second, of all sides between wet cells; the function gets places of the pool's plane in
@@ -213,7 +264,7 @@ impl FluidSolver {
         for (field, open, axis) in [(u, &self.places.open_x, 0), (v, &self.places.open_y, 1)] {
             let mut side_m = Vec2::ZERO;
             side_m[axis] = half_m;
-            field.update(&self.spans, |cell, velocity| {
+            field.update(&self.places.spans, |cell, velocity| {
                 let by = by_m_s(grid.pool_from_cell(cell) - side_m)[axis];
                 if by.is_finite() && open.at(cell) > 0.0 { velocity + by } else { velocity }
             });
@@ -254,58 +305,66 @@ impl FluidSolver {
         let square = self.grid.cell_m() * self.grid.cell_m();
         let rounds = settings.diffusion_iterations.clamp(1, 100);
         let strength = |m2_s: f32| if m2_s > 0.0 && m2_s.is_finite() { m2_s * step_s / square } else { 0.0 };
-        let flow = Flow { places: &self.places, spans: &self.spans, cells_per_velocity };
+        let (places, vectors) = (&self.places, self.vectors);
+        let flow = Flow { places, vectors, cells_per_velocity };
 
         let is_reflected = settings.advection == Advection::MacCormack;
         if is_reflected {
-            for (reflected, velocity) in self.reflected.iter_mut().zip(&self.velocity) {
-                reflected.values.copy_from_slice(&velocity.values);
-            }
-            project::subtract_gradient(&mut self.reflected, &self.pressure, &self.places, &self.spans);
+            project::subtract_gradient(&self.velocity, &self.pressure, places, vectors, &mut self.reflected);
         }
         self.pressure_share = if is_reflected { 0.5 } else { 1.0 };
         let reflected = is_reflected.then_some(&self.reflected);
-        flow.carry_velocity(&mut self.velocity, reflected, &mut self.next, &mut self.other, settings.advection);
+        flow.carry_velocity(&self.velocity, reflected, &mut self.next, &mut self.other, settings.advection);
+        let carried = &mut self.next;
+        let spans = &places.spans;
         let viscosity = strength(settings.viscosity_m2_s);
         if viscosity > 0.0 {
-            for (field, open) in self.velocity.iter_mut().zip([&self.places.open_x, &self.places.open_y]) {
-                diffuse::diffuse(field, &mut self.next, open, &self.spans, viscosity, rounds);
+            for (field, there) in carried.iter_mut().zip([&places.open_x, &places.open_y]) {
+                let diffusion = Diffusion { there, spans, vectors, strength: viscosity, rounds };
+                diffusion.run(field, &mut self.other, &mut self.rooms);
             }
         }
         for source in action.good_sources() {
-            act::push(&mut self.velocity, &self.grid, &self.places, source, &self.noise);
+            act::push(carried, &self.grid, places, source, &self.noise);
         }
         project::project(
+            carried,
             &mut self.velocity,
             &mut self.pressure,
-            &mut self.next[0],
-            &mut self.divergence,
-            &self.places,
-            &self.spans,
+            &mut self.next_pressure,
+            places,
+            vectors,
             settings.pressure_iterations.clamp(1, 500),
+            &mut self.rooms,
         );
         let mut amounts = StepAmounts::default();
         for source in action.good_sources() {
             act::flow(&mut self.velocity, &self.grid, &self.places, source);
-            act::dissolve(&mut self.dissolved, &self.grid, &self.places, source, &mut amounts);
+            if act::dissolves(source) {
+                self.settle();
+                act::dissolve(&mut self.dissolved, &self.grid, &self.places, source, &mut amounts);
+            }
         }
         let before = self.totals();
-        let flow = Flow { places: &self.places, spans: &self.spans, cells_per_velocity };
-        flow.carry_dissolved(&mut self.dissolved, &self.velocity, &mut self.next, &mut self.other, settings.advection);
+        let flow = Flow { places: &self.places, vectors, cells_per_velocity };
+        let (factors, advection) = (self.factors, settings.advection);
+        let room = [&mut self.next, &mut self.other];
+        let mut after = flow.carry_dissolved(&mut self.dissolved, factors, &self.velocity, room, advection);
         let diffusion = strength(settings.diffusion_m2_s);
         if diffusion > 0.0 {
-            for field in &mut self.dissolved {
-                diffuse::diffuse(field, &mut self.next, &self.places.wet, &self.spans, diffusion, rounds);
+            let (there, spans) = (&self.places.wet, &self.places.spans);
+            let diffusion = Diffusion { there, spans, vectors, strength: diffusion, rounds };
+            for (field, after) in self.dissolved.iter_mut().zip(&mut after) {
+                diffusion.run(field, &mut self.next, &mut self.rooms);
+                *after = field.sum(spans);
             }
         }
         // Interpolation does not keep amounts: what is missing or too much is shared out over all that there is.
-        let after = self.totals();
         let keep = action.keep();
-        for (what, field) in self.dissolved.iter_mut().enumerate() {
+        self.sums = Some(after);
+        for what in 0..2 {
             amounts.faded[what] = before[what] * (1.0 - f64::from(keep[what]));
-            if after[what] > 0.0 {
-                field.scale(&self.spans, (before[what] / after[what]) as f32 * keep[what]);
-            }
+            self.factors[what] = if after[what] > 0.0 { (before[what] / after[what]) as f32 * keep[what] } else { 1.0 };
         }
         amounts
     }
@@ -313,4 +372,16 @@ impl FluidSolver {
     fn totals(&self) -> [f64; 2] {
         [Dissolved::Blood, Dissolved::Dust].map(|what| self.total(what))
     }
+}
+
+/// 0 where another row is 0; returns the sum of what was there.
+fn keep(row: &mut [f32], where_: &[f32]) -> f64 {
+    let mut lost = 0.0;
+    for (value, kept) in row.iter_mut().zip(where_) {
+        if *kept == 0.0 {
+            lost += f64::from(*value);
+            *value = 0.0;
+        }
+    }
+    lost
 }
