@@ -55,8 +55,12 @@ impl FluidSource {
         if fade <= 0.0 || self.flow_m2_s == 0.0 {
             return Vec2::ZERO;
         }
-        // (1 - exp(-s/2)) / s, which is 1/2 in the middle.
-        let core = if square < 1e-3 { 0.5 - square / 8.0 } else { (1.0 - (-0.5 * square).exp()) / square };
+        // (1 - exp(-s/2)) / s, which is 1/2 in the middle. Far away the bell is less than half of the last digit of 1.
+        let core = match square {
+            _ if square < 1e-3 => 0.5 - square / 8.0,
+            _ if square < 36.0 => (1.0 - (-0.5 * square).exp()) / square,
+            _ => 1.0 / square,
+        };
         let per_m = self.flow_m2_s / (std::f32::consts::TAU * self.radius_m * self.radius_m);
         offset_m * (per_m * core * fade)
     }

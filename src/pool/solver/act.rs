@@ -1,10 +1,11 @@
 //! Sources act on the fluid.
 
-use super::field::Field;
+use super::field::{FRAME, Field, rows_at_once};
 use super::places::Places;
 use crate::pool::source::{FLOW_REACH, FluidSource, SOURCE_REACH, StepAmounts};
 use crate::pool::{PoolGrid, StirNoise};
 use glam::{UVec2, Vec2};
+use rayon::prelude::*;
 
 /// Cells (and one more, for sides) that a source reaches: from the first to before the second.
 fn reached(grid: &PoolGrid, source: &FluidSource, radii: f32) -> [UVec2; 2] {
@@ -21,21 +22,24 @@ fn add_velocity(
     places: &Places,
     source: &FluidSource,
     radii: f32,
-    of: impl Fn(Vec2, Vec2) -> Vec2,
+    of: impl Fn(Vec2, Vec2) -> Vec2 + Sync,
 ) {
     let [low, high] = reached(grid, source, radii);
     let half_m = 0.5 * grid.cell_m();
+    let (columns, rows) = (low.x as usize..high.x as usize, (high.y - low.y) as usize);
     for (axis, (field, open)) in velocity.iter_mut().zip([&places.open_x, &places.open_y]).enumerate() {
-        for y in low.y..high.y {
-            for x in low.x..high.x {
-                let cell = UVec2::new(x, y);
-                if open.at(cell) > 0.0 {
-                    let mut place_m = grid.pool_from_cell(cell);
+        let in_reach = field.rows_mut().enumerate().skip(low.y as usize).take(rows);
+        in_reach.with_min_len(rows_at_once(columns.len().max(1))).for_each(|(y, row)| {
+            let open = open.row(y as isize);
+            for x in columns.clone() {
+                // Sides beyond the last column are closed, and not in the row.
+                if open[FRAME + x] > 0.0 {
+                    let mut place_m = grid.pool_from_cell(UVec2::new(x as u32, y as u32));
                     place_m[axis] -= half_m;
-                    *field.at_mut(cell) += of(place_m - source.place_m, place_m)[axis];
+                    row[FRAME + x] += of(place_m - source.place_m, place_m)[axis];
                 }
             }
-        }
+        });
     }
 }
 

@@ -11,6 +11,8 @@ mod places;
 mod portable;
 mod project;
 mod spans;
+#[cfg(test)]
+mod tests;
 mod vectors;
 mod wave;
 
