@@ -2,8 +2,7 @@
 
 use super::field::{At, FRAME, Field, for_rows_of_two, row_sum, rows_at_once};
 use super::places::Places;
-use super::portable::{Lanes, Work};
-use super::vectors::Vectors;
+use super::vectors::{Lanes, Vectors, Work};
 use super::{Advection, MAX_CELLS_PER_STEP};
 use rayon::prelude::*;
 
@@ -231,10 +230,10 @@ impl<const N: usize> Row<'_, N> {
             let corrected = less_half_the_error::<L>(own, L::load(&from[k][place..]), returned);
             let (mut least, mut most) = (high, low);
             let values = corners.values(from[k]);
-            for corner in 0..4 {
-                let counts = L::is_less(L::splat(0.0), known_there.factors[corner]);
-                least = L::min(least, L::select(counts, values[corner], high));
-                most = L::max(most, L::select(counts, values[corner], low));
+            for (value, factor) in values.into_iter().zip(known_there.factors) {
+                let counts = L::is_less(L::splat(0.0), factor);
+                least = L::min(least, L::select(counts, value, high));
+                most = L::max(most, L::select(counts, value, low));
             }
             let limited = L::select(L::is_less(most, least), own, L::min(most, L::max(least, corrected)));
             numbers[k] = L::select(is_open, L::mul(limited, L::splat(factors[k])), L::splat(0.0));

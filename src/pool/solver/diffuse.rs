@@ -1,10 +1,9 @@
 //! Viscosity and diffusion: implicit, so that any strength is stable.
 
 use super::field::{FRAME, Field, bands_of};
-use super::portable::{Lanes, Work};
 use super::project::Room;
 use super::spans::Spans;
-use super::vectors::Vectors;
+use super::vectors::{Lanes, Vectors, Work};
 use super::wave::{self, Relaxation};
 use rayon::prelude::*;
 use std::ops::Range;

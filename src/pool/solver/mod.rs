@@ -15,6 +15,8 @@ mod spans;
 mod tests;
 mod vectors;
 mod wave;
+#[cfg(target_arch = "x86_64")]
+mod x86;
 
 use super::{FluidAction, FluidSource, PoolError, PoolGrid, StepAmounts, StirNoise, WetMask};
 use advect::Flow;

@@ -2,8 +2,7 @@
 
 use super::field::{FRAME, Field, bands_of, for_rows_of_two};
 use super::places::Places;
-use super::portable::{Lanes, Work};
-use super::vectors::Vectors;
+use super::vectors::{Lanes, Vectors, Work};
 use super::wave::{self, Relaxation};
 use rayon::prelude::*;
 use std::ops::Range;
