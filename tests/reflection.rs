@@ -14,6 +14,7 @@ const NOT_DATA: &[(&str, &str)] = &[
     ("PrepareOrgans", "a system set"),
     ("ShapeOrgans", "a system set"),
     ("VolumePasses", "a system set"),
+    ("PoolPasses", "a system set"),
     ("DrillVolumes", "a system set"),
     ("FlowPools", "a system set"),
     ("PrepareCuts", "a system set"),
@@ -43,6 +44,7 @@ const RENDER_WORLD: &[&str] = &[
     "view/tool_shadows/map.rs",
     "view/tool_shadows/prepare.rs",
     "volume/render/",
+    "pool/render/",
 ];
 
 /// Public types of the sources: name, file, and whether `Reflect` is derived.

@@ -6,6 +6,7 @@ use bevy::render::render_resource::encase::private::ShaderType as _;
 use bevy::render::view::ViewUniform;
 use bevy_surgery::highlights::{HighlightRing, HighlightsUniform};
 use bevy_surgery::organ::render::{OrganUniform, PrimaryVertex, corner_vertex_layout};
+use bevy_surgery::pool::render::PoolUniform;
 use bevy_surgery::render::{LightUniform, OrganLights, SHADERS};
 use bevy_surgery::skin::SkinUniform;
 use bevy_surgery::testing::TestApp;
@@ -126,6 +127,10 @@ fn every_shader_composes_and_validates() {
         if let Err(reason) = compose_with(&mut composer, shader.path, shader.source, &["MULTISAMPLED"]) {
             panic!("{} with several samples: {reason}", shader.path);
         }
+        // Pools that foam, under an environment map.
+        if let Err(reason) = compose_with(&mut composer, shader.path, shader.source, &["FOAM", "ENVIRONMENT_MAP"]) {
+            panic!("{} with foam and a map: {reason}", shader.path);
+        }
         // Volumes with colours of their own, and what of them writes depth.
         if let Err(reason) = compose_with(&mut composer, shader.path, shader.source, &["OWN_COLOURS", "SOLID_PART"]) {
             panic!("{} with colours of the voxels: {reason}", shader.path);
@@ -192,6 +197,8 @@ fn rust_and_wgsl_agree_on_every_struct() {
     assert_layout!(&shadows.expect("composes"), "ToolShadowUniform", ToolShadowUniform);
     let march = compose(&mut composer, "volume/march.wgsl", source("volume/march.wgsl")).expect("composes");
     assert_layout!(&march, "VolumeUniform", VolumeUniform);
+    let pool = compose(&mut composer, "pool/composite.wgsl", source("pool/composite.wgsl")).expect("composes");
+    assert_layout!(&pool, "PoolUniform", PoolUniform);
     let (size, offsets) = layout_in(&skin, "PrimaryVertex");
     assert_eq!(size as usize, size_of::<PrimaryVertex>());
     assert_eq!(offsets[0].1 as usize, std::mem::offset_of!(PrimaryVertex, position_m));
@@ -236,6 +243,7 @@ fn no_struct_escapes_the_comparison() {
         "LightUniform",
         "OrganLights",
         "OrganUniform",
+        "PoolUniform",
         "PrimaryVertex",
         "ScopeMaskUniform",
         "SkinUniform",

@@ -14,11 +14,16 @@ mod component;
 mod error;
 mod grid;
 mod irrigator;
+mod look;
 mod mask;
 mod noise;
+#[cfg(feature = "render")]
+pub mod render;
+pub mod software;
 mod solver;
 mod source;
 mod step;
+mod surface;
 mod water;
 
 pub use bleeding::{Bleeder, BleedingControl, BleedingRules, TreatBleeders, VesselOpened};
@@ -27,10 +32,12 @@ pub use component::{FoamPatch, MAX_FOAM, Pool, PoolFault, PoolFluid, PoolState};
 pub use error::PoolError;
 pub use grid::{MAX_CELLS, MIN_CELLS, PoolGrid};
 pub use irrigator::{SuctionGurgled, SuctionIrrigator, SuctionState};
+pub use look::{FresnelModel, PoolLook};
 pub use mask::WetMask;
 pub use noise::StirNoise;
 pub use solver::{Advection, Dissolved, FluidSolver, MAX_CELLS_PER_STEP, SolverSettings};
 pub use source::{FLOW_REACH, FluidAction, FluidSource, MAX_SOURCES, SOURCE_REACH, StepAmounts};
+pub use surface::{PoolSurface, SURFACE_TILE};
 pub use water::{PoolLevel, WaterBudget};
 
 use crate::schedule::SurgerySystems;
@@ -52,6 +59,10 @@ impl Plugin for PoolPlugin {
             .register_type::<Advection>()
             .register_type::<Dissolved>()
             .register_type::<FluidSolver>()
+            .register_type::<FresnelModel>()
+            .register_type::<PoolLook>()
+            .register_type::<PoolSurface>()
+            .register_type::<software::PoolMixture>()
             .register_type::<SolverSettings>()
             .register_type::<StirNoise>()
             .register_type::<FluidSource>()
@@ -74,5 +85,7 @@ impl Plugin for PoolPlugin {
             FixedUpdate,
             (columns::measure_columns, step::flow).chain().in_set(FlowPools).in_set(SurgerySystems::Flow),
         );
+        #[cfg(feature = "render")]
+        app.add_plugins(render::PoolRenderPlugin);
     }
 }

@@ -389,3 +389,24 @@ fn keep(row: &mut [f32], where_: &[f32]) -> f64 {
     }
     lost
 }
+
+/// What is drawn of a pool.
+impl FluidSolver {
+    /// A row of cells: 1 where there is fluid, pressure, and what is shares of blood and dust times [`Self::share_factors`].
+    pub(crate) fn row(&self, y: u32) -> [&[f32]; 4] {
+        let [blood, dust] = &self.dissolved;
+        let width = self.grid.size().x as usize;
+        [&self.places.wet, &self.pressure, blood, dust].map(|field| &field.row(y as isize)[FRAME..][..width])
+    }
+
+    /// What numbers of blood and dust in a [`Self::row`] must be multiplied by.
+    pub(crate) fn share_factors(&self) -> [f32; 2] {
+        self.factors
+    }
+
+    /// [`FluidSolver::height_m`] of a cell by its pressure, metres.
+    pub(crate) fn height_per_pressure_m(&self, step_s: f32, gravity_m_s2: f32) -> f32 {
+        let per_pressure = self.grid.cell_m() / (self.pressure_share * step_s * gravity_m_s2);
+        if per_pressure.is_finite() && per_pressure > 0.0 { per_pressure } else { 0.0 }
+    }
+}
