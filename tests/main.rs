@@ -13,6 +13,7 @@ mod organ_texture_mesh;
 mod pacing;
 mod pool_cavity;
 mod pool_ecs;
+mod pool_pass;
 mod pool_solver;
 mod reactions_corners;
 mod reactions_drops;

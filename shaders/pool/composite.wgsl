@@ -108,6 +108,11 @@ fn wall_at(pixel: vec2<f32>, height_m: f32) -> f32 {
     return saturate(above_m / (0.5 * pool.meniscus_width_m)) * saturate(2.0 - above_m / pool.meniscus_reach_m);
 }
 
+// The same in a direction: the meniscus fades towards its width.
+fn wall_towards(pixel: vec2<f32>, across: vec2<f32>, height_m: f32) -> f32 {
+    return mix(wall_at(pixel + across, height_m), wall_at(pixel + 0.4 * across, height_m), 0.65);
+}
+
 fn height_of(texel: vec4<f32>) -> f32 {
     let height_m = texel.x * pool.metres_per_height / max(texel.w, 1e-3);
     return clamp(height_m, -pool.greatest_wave_m, pool.greatest_wave_m);
@@ -181,10 +186,10 @@ fn fragment(in: Varying) -> Shown {
     slope *= min(1.0, STEEPEST / max(length(slope), 1e-6));
     let normal = normalize(vec3(-slope, 1.0));
     let across_px = max(pool.meniscus_width_m * pool.pixels_per_metre * in.position.w, 1.0);
-    let right = wall_at(pixel + vec2(across_px, 0.0), height_m);
-    let left = wall_at(pixel - vec2(across_px, 0.0), height_m);
-    let down = wall_at(pixel + vec2(0.0, across_px), height_m);
-    let up = wall_at(pixel - vec2(0.0, across_px), height_m);
+    let right = wall_towards(pixel, vec2(across_px, 0.0), height_m);
+    let left = wall_towards(pixel, vec2(-across_px, 0.0), height_m);
+    let down = wall_towards(pixel, vec2(0.0, across_px), height_m);
+    let up = wall_towards(pixel, vec2(0.0, -across_px), height_m);
     let rise = (right - left) * normalize(dpdx(in.place_m)) + (down - up) * normalize(dpdy(in.place_m));
     let rim_normal = normalize(vec3(-slope - pool.meniscus_slope * rise, 1.0));
 
@@ -213,7 +218,7 @@ fn fragment(in: Varying) -> Shown {
     let through = transmittance(mixture, path_m + light_path_m);
     let scattered = in.white * in_scattered(mixture, path_m);
 
-    // What the surface mirrors. The meniscus is so curved that it mirrors light from everywhere.
+    // What the surface mirrors. The meniscus is so curved that it mirrors light from everywhere, a lamp always among it.
     let reflectivity = fresnel(dot(normal, eye), index);
     let rim = min(meniscus(right + left + down + up), 1.0 - reflectivity);
     let mirrored = reflect(-eye, rim_normal);
@@ -225,7 +230,7 @@ fn fragment(in: Varying) -> Shown {
 #else
     let footprint = length(fwidth(mirrored)) * 0.5;
     let from_around = surroundings(surface_m, mirrored, footprint, in.white);
-    let mean = in.white * pool.environment_strength;
+    let mean = in.white * (pool.meniscus_light * pool.environment_strength);
 #endif
     var kept = through * (1.0 - reflectivity - rim);
     var added = scattered * (1.0 - reflectivity - rim) + from_around * (reflectivity * pool.environment_strength)

@@ -31,15 +31,17 @@ fn foam(place_m: vec2<f32>) -> vec2<f32> {
         }
     }
     let at = place_m / pool.bubble_m;
-    let first = vec2<i32>(floor(at - 0.5));
     var found = vec2(0.0);
     for (var near = 0; near < 4; near++) {
-        let cell = first + vec2(near & 1, near >> 1u);
+        // Rows are shifted against one another, so that bubbles do not stand in columns.
+        let row = i32(floor(at.y - 0.5)) + (near >> 1u);
+        let shift = fract(f32(row) * 0.6180339887);
+        let cell = vec2(i32(floor(at.x + shift - 0.5)) + (near & 1), row);
         let chance = random(cell);
         let radius = 0.18 + 0.27 * fract(chance.z * 16.0);
         // Within the square, so that no bubble is cut.
         let middle = vec2<f32>(cell) + mix(vec2(radius), vec2(1.0 - radius), chance.xy);
-        let off = length(at - middle) / radius;
+        let off = length(at + vec2(shift, 0.0) - middle) / radius;
         let inside = (1.0 - smoothstep(0.85, 1.1, off)) * select(0.0, 1.0, chance.z < amount);
         let rim = smoothstep(0.45, 0.9, off);
         found = max(found, vec2(inside, inside * rim));

@@ -47,6 +47,7 @@ struct PoolUniform {
     room: f32,
     lamp_radius_m: f32,
     bubble_m: f32,
+    meniscus_light: f32,
     // Place, one over the square of the radius, amount.
     foam: array<vec4<f32>, 16>,
     foam_count: u32,
@@ -95,10 +96,12 @@ fn transmittance(mixture: Mixture, path_m: f32) -> vec3<f32> {
     return exp(-(absorption + scattering.x + scattering.y) * path_m);
 }
 
-// Share of the light on the surface that the fluid itself sends back.
+// Share of the light on the surface that the fluid itself sends back: what each layer scatters, less what is absorbed on the
+// way down to it and up again.
 fn in_scattered(mixture: Mixture, path_m: f32) -> vec3<f32> {
     let scattering = scattering_per_m(mixture);
-    let sum = max(scattering.x + scattering.y, 1e-6);
-    let colour = (pool.blood_colour * scattering.x + pool.dust_colour * scattering.y) / sum;
-    return colour * (1.0 - exp(-sum * path_m));
+    let source = pool.blood_colour * scattering.x + pool.dust_colour * scattering.y;
+    let absorption = pool.water_absorption_per_m + pool.blood_absorption_per_m * mixture.blood;
+    let lost = max(scattering.x + scattering.y + 2.0 * absorption, vec3(1e-6));
+    return source / lost * (1.0 - exp(-lost * path_m));
 }

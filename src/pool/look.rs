@@ -35,9 +35,9 @@ pub struct PoolLook {
     pub blood_scattering_per_m: f32,
     /// Light that a paste of bone dust without water scatters, per metre.
     pub dust_scattering_per_m: f32,
-    /// Share of the light that a deep pool of blood sends back, linear red, green and blue.
+    /// Colour of the light that blood scatters, linear red, green and blue; in deep blood most of it is absorbed again.
     pub blood_colour: Vec3,
-    /// The same of bone dust.
+    /// Colour of the light that bone dust scatters.
     pub dust_colour: Vec3,
     /// Refractive index of water, 1 to 3.
     pub water_index: f32,
@@ -54,6 +54,8 @@ pub struct PoolLook {
     pub meniscus_width_m: f32,
     /// How steeply it rises at the wall, 0 to 5: a part of it always faces the lamp.
     pub meniscus_slope: f32,
+    /// How many times as bright as a white sheet is what it mirrors, 0 to 1000.
+    pub meniscus_light: f32,
     /// What is higher than this over the surface makes no meniscus, metres: tools that hang over the pool.
     pub meniscus_reach_m: f32,
     /// Brightness of what the surface reflects, 0 to 100.
@@ -69,14 +71,14 @@ pub struct PoolLook {
 impl Default for PoolLook {
     fn default() -> Self {
         Self {
-            wave_height: 1.0,
+            wave_height: 3.0,
             greatest_wave_m: 1e-3,
             water_absorption_per_m: Vec3::new(3.0, 1.0, 1.5),
             // Oxygenated blood: nearly all green and blue is gone after a few tenths of a millimetre, red after some.
             blood_absorption_per_m: Vec3::new(250.0, 5200.0, 4300.0),
-            blood_scattering_per_m: 700.0,
+            blood_scattering_per_m: 500.0,
             dust_scattering_per_m: 2500.0,
-            blood_colour: Vec3::new(0.23, 0.012, 0.01),
+            blood_colour: Vec3::new(0.4, 0.12, 0.1),
             dust_colour: Vec3::new(0.72, 0.66, 0.55),
             water_index: 1.33,
             blood_index: 1.39,
@@ -85,9 +87,10 @@ impl Default for PoolLook {
             meniscus: [0.0, 0.08, 0.05, 0.02, 0.01, 0.0],
             meniscus_width_m: 2.5e-4,
             meniscus_slope: 0.7,
+            meniscus_light: 5.0,
             meniscus_reach_m: 2e-3,
             environment_strength: 1.0,
-            room: 0.25,
+            room: 0.4,
             lamp_radius_m: 0.03,
             bubble_m: 3e-4,
         }
@@ -138,6 +141,7 @@ impl PoolLook {
             }),
             meniscus_width_m: within(self.meniscus_width_m, 0.0, 0.1, otherwise.meniscus_width_m),
             meniscus_slope: within(self.meniscus_slope, 0.0, 5.0, otherwise.meniscus_slope),
+            meniscus_light: within(self.meniscus_light, 0.0, 1e3, otherwise.meniscus_light),
             meniscus_reach_m: within(self.meniscus_reach_m, 1e-6, 10.0, otherwise.meniscus_reach_m),
             environment_strength: within(self.environment_strength, 0.0, 100.0, otherwise.environment_strength),
             room: within(self.room, 0.0, 10.0, otherwise.room),

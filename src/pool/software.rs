@@ -56,12 +56,14 @@ pub fn transmittance(look: &PoolLook, mixture: PoolMixture, path_m: f32) -> Vec3
     ((absorption + scattering) * -path_m).exp()
 }
 
-/// Share of the light on the surface that comes back out of the fluid itself, when the ray goes through so many metres of it.
+/// Share of the light on the surface that comes back out of the fluid itself, when the ray goes through so many metres of it: what
+/// each layer scatters, less what is absorbed on the way down to it and up again.
 pub fn in_scattered(look: &PoolLook, mixture: PoolMixture, path_m: f32) -> Vec3 {
     let scattering = scattering_per_m(look, mixture);
-    let sum = scattering.element_sum().max(1e-6);
-    let colour = (look.blood_colour * scattering.x + look.dust_colour * scattering.y) / sum;
-    colour * (1.0 - (-sum * path_m).exp())
+    let source = look.blood_colour * scattering.x + look.dust_colour * scattering.y;
+    let absorption = look.water_absorption_per_m + look.blood_absorption_per_m * mixture.blood;
+    let lost = (2.0 * absorption + scattering.element_sum()).max(Vec3::splat(1e-6));
+    source / lost * (1.0 - (lost * -path_m).exp())
 }
 
 /// Of blood (x) and dust (y).

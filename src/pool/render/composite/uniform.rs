@@ -75,6 +75,8 @@ pub struct PoolUniform {
     pub lamp_radius_m: f32,
     /// Size of bubbles, metres.
     pub bubble_m: f32,
+    /// Brightness of what the meniscus mirrors.
+    pub meniscus_light: f32,
     /// Place, one over the square of the radius, amount.
     pub foam: [Vec4; MAX_FOAM],
     /// How many of them there are.
@@ -204,6 +206,7 @@ impl PoolView {
             room: look.room,
             lamp_radius_m: look.lamp_radius_m,
             bubble_m: look.bubble_m,
+            meniscus_light: look.meniscus_light,
             foam,
             foam_count: pool.foam.len() as u32,
             lights: lights_in(lights, pool.world_from_pool.inverse()),
