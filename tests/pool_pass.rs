@@ -5,6 +5,7 @@ mod optics;
 mod stage;
 
 use bevy::camera::{Exposure, Hdr, Projection, ScalingMode};
+use bevy::core_pipeline::tonemapping::Tonemapping;
 use bevy::light::{EnvironmentMapLight, GlobalAmbientLight};
 use bevy::prelude::*;
 use bevy_surgery::pool::software::{
@@ -112,6 +113,23 @@ fn deep_pools_are_darker_and_redder_than_films() {
 }
 
 #[test]
+fn cameras_without_hdr_show_nearly_the_same() {
+    let mut stage = wide();
+    stage.change_surface(|surface| set_all(surface, 0.0, PoolMixture { blood: 0.01, dust: 0.01 }));
+    let camera = stage.camera;
+    for tonemapping in [Tonemapping::Reinhard, Tonemapping::AgX] {
+        stage.app.world_mut().entity_mut(camera).insert((tonemapping, Hdr));
+        let hdr = stage.app.capture();
+        stage.app.world_mut().entity_mut(camera).remove::<Hdr>();
+        let plain = stage.app.capture();
+        // The fluid absorbs before the one and after the other.
+        let furthest = hdr.pixels().zip(plain.pixels()).map(|(a, b)| (channels(a) - channels(b)).abs().max_element());
+        let furthest = furthest.fold(0.0, f32::max);
+        assert!(furthest < 30.0, "{tonemapping:?}: {furthest}");
+    }
+}
+
+#[test]
 fn an_environment_map_is_mirrored() {
     let mut stage = wide();
     let mut images = stage.app.world_mut().resource_mut::<Assets<Image>>();
@@ -121,9 +139,9 @@ fn an_environment_map_is_mirrored() {
     stage.app.world_mut().entity_mut(camera).insert(EnvironmentMapLight { intensity, ..map });
     let around = Vec3::new(0.2, 0.4, 1.0) * intensity * Exposure::default().exposure();
     let pairs = against_twin(&mut stage, PoolMixture::default(), LEVEL_M, Some(around));
-    // Maps have eight bits at most.
     for (wanted, got) in pairs {
-        assert!((wanted - got).abs().max_element() < 5.0, "{got} instead of {wanted}");
+        let wanted = wanted.min(Vec3::splat(255.0));
+        assert!((wanted - got).abs().max_element() < 2.0, "{got} instead of {wanted}");
     }
 }
 
@@ -204,9 +222,9 @@ fn menisci_add_what_the_table_says() {
     let table = PoolLook::default().meniscus;
     assert_eq!([0.0, 1.0, 2.0, 3.0, 4.0, 5.0].map(|count| meniscus(&table, count)), table);
     assert!((meniscus(&table, 1.5) - 0.065).abs() < 1e-6 && meniscus(&table, 9.0) == 0.0);
-    // Beside a straight wall one neighbour counts: its reflectivity is the table's, of light five times as bright as a sheet.
+    // Beside a straight wall one neighbour counts: its reflectivity is the table's, of light so many times as bright as a sheet.
     let (mut stage, with, without) = before_a_wall(480);
-    stage.look().meniscus_light = 10.0;
+    stage.look().meniscus_light = 7.0;
     stage.look().meniscus_width_m = 1e-3;
     let brighter = stage.app.capture();
     let light = |picture: &RgbaImage| {
@@ -214,8 +232,10 @@ fn menisci_add_what_the_table_says() {
         linear([at[0], at[1], at[2]])
     };
     let white = BRIGHTNESS * Exposure::default().exposure();
-    let more = (light(&brighter) - light(&with)) / (white * 5.0);
-    assert!((more - 0.08).abs().max_element() < 0.006, "{more}, {} {}", light(&with), light(&without));
+    let more = (light(&brighter) - light(&with)) / (white * 2.0);
+    assert!((more - 0.08).abs().max_element() < 0.006, "{more} of the light");
+    // The first five times, less what no longer shines through.
+    assert!(light(&with).z > light(&without).z + 0.3 * white, "{} {}", light(&with), light(&without));
 }
 
 #[test]

@@ -1,9 +1,8 @@
 // The surface of a pool over what was drawn before (paper of 2009, sections 5.1 to 5.3). Spaces: pool, target, clip; see
 // `pool.wgsl`. Rust twin: `pool/software.rs`.
 
-#import bevy_render::view::View
 #import bevy_surgery::lights::incident
-#import bevy_surgery::organ::exposed_to_target
+#import bevy_surgery::organ::{exposed_to_target, view}
 #import bevy_surgery::pool::{Mixture, PI, fresnel, in_scattered, meniscus, pool, refractive_index, transmittance}
 #ifdef FOAM
 #import bevy_surgery::pool::foam::foam
@@ -12,7 +11,6 @@
 #import bevy_surgery::pool::surroundings::surroundings
 #endif
 
-@group(0) @binding(0) var<uniform> view: View;
 @group(1) @binding(1) var surface: texture_2d<f32>;
 @group(1) @binding(2) var surface_sampler: sampler;
 @group(1) @binding(3) var scene: texture_2d<f32>;
@@ -178,20 +176,19 @@ fn fragment(in: Varying) -> Shown {
     let is_seen = is_under(pixel, z, height_m - THINNEST_M);
 #endif
 
-    // Normal: central differences, and the meniscus rising towards walls.
+    // Normal: central differences.
     let side = 1.0 / pool.grid_size;
     let dx = height_beside(uv + vec2(side.x, 0.0), wave_m) - height_beside(uv - vec2(side.x, 0.0), wave_m);
     let dy = height_beside(uv + vec2(0.0, side.y), wave_m) - height_beside(uv - vec2(0.0, side.y), wave_m);
     var slope = vec2(dx, dy) / (2.0 * pool.cell_m);
     slope *= min(1.0, STEEPEST / max(length(slope), 1e-6));
     let normal = normalize(vec3(-slope, 1.0));
+    // Walls around, for the meniscus.
     let across_px = max(pool.meniscus_width_m * pool.pixels_per_metre * in.position.w, 1.0);
     let right = wall_towards(pixel, vec2(across_px, 0.0), height_m);
     let left = wall_towards(pixel, vec2(-across_px, 0.0), height_m);
     let down = wall_towards(pixel, vec2(0.0, across_px), height_m);
     let up = wall_towards(pixel, vec2(0.0, -across_px), height_m);
-    let rise = (right - left) * normalize(dpdx(in.place_m)) + (down - up) * normalize(dpdy(in.place_m));
-    let rim_normal = normalize(vec3(-slope - pool.meniscus_slope * rise, 1.0));
 
     // Refraction (equations 7 and 8): the ground is taken to be as deep where the refracted ray meets it as where it is seen.
     let index = refractive_index(mixture);
@@ -218,10 +215,10 @@ fn fragment(in: Varying) -> Shown {
     let through = transmittance(mixture, path_m + light_path_m);
     let scattered = in.white * in_scattered(mixture, path_m);
 
-    // What the surface mirrors. The meniscus is so curved that it mirrors light from everywhere, a lamp always among it.
+    // What the surface mirrors. The meniscus is so curved that it mirrors all that is around, a lamp always among it.
     let reflectivity = fresnel(dot(normal, eye), index);
     let rim = min(meniscus(right + left + down + up), 1.0 - reflectivity);
-    let mirrored = reflect(-eye, rim_normal);
+    let mirrored = reflect(-eye, normal);
 #ifdef ENVIRONMENT_MAP
     let direction = (pool.environment_from_pool * vec4(mirrored, 0.0)).xyz;
     let coarsest = f32(textureNumLevels(environment) - 1u);

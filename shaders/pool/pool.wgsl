@@ -37,7 +37,7 @@ struct PoolUniform {
     blood_index: f32,
     // Six numbers.
     meniscus: array<vec4<f32>, 2>,
-    meniscus_slope: f32,
+    meniscus_light: f32,
     meniscus_reach_m: f32,
     // 1 where the ground is seen refracted, else 0; 1 for the paper's Fresnel term, 0 for Schlick's.
     refracts: f32,
@@ -47,7 +47,6 @@ struct PoolUniform {
     room: f32,
     lamp_radius_m: f32,
     bubble_m: f32,
-    meniscus_light: f32,
     // Place, one over the square of the radius, amount.
     foam: array<vec4<f32>, 16>,
     foam_count: u32,

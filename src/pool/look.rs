@@ -52,9 +52,7 @@ pub struct PoolLook {
     pub meniscus: [f32; 6],
     /// Width of the meniscus, metres, 0 to 0.1; at least a pixel where it is not 0.
     pub meniscus_width_m: f32,
-    /// How steeply it rises at the wall, 0 to 5: a part of it always faces the lamp.
-    pub meniscus_slope: f32,
-    /// How many times as bright as a white sheet is what it mirrors, 0 to 1000.
+    /// How many times as bright as a white sheet is what it mirrors, 0 to 1000: it is so curved that a lamp is always among it.
     pub meniscus_light: f32,
     /// What is higher than this over the surface makes no meniscus, metres: tools that hang over the pool.
     pub meniscus_reach_m: f32,
@@ -86,7 +84,6 @@ impl Default for PoolLook {
             fresnel: FresnelModel::Schlick,
             meniscus: [0.0, 0.08, 0.05, 0.02, 0.01, 0.0],
             meniscus_width_m: 2.5e-4,
-            meniscus_slope: 0.7,
             meniscus_light: 5.0,
             meniscus_reach_m: 2e-3,
             environment_strength: 1.0,
@@ -136,11 +133,8 @@ impl PoolLook {
             blood_index: within(self.blood_index, 1.0, 3.0, otherwise.blood_index),
             refracts: self.refracts,
             fresnel: self.fresnel,
-            meniscus: std::array::from_fn(|count| {
-                within(self.meniscus[count], 0.0, 1.0, otherwise.meniscus[count])
-            }),
+            meniscus: std::array::from_fn(|count| within(self.meniscus[count], 0.0, 1.0, otherwise.meniscus[count])),
             meniscus_width_m: within(self.meniscus_width_m, 0.0, 0.1, otherwise.meniscus_width_m),
-            meniscus_slope: within(self.meniscus_slope, 0.0, 5.0, otherwise.meniscus_slope),
             meniscus_light: within(self.meniscus_light, 0.0, 1e3, otherwise.meniscus_light),
             meniscus_reach_m: within(self.meniscus_reach_m, 1e-6, 10.0, otherwise.meniscus_reach_m),
             environment_strength: within(self.environment_strength, 0.0, 100.0, otherwise.environment_strength),

@@ -83,7 +83,7 @@ pub fn composite(
     reflectivity: f32,
     [path_m, light_path_m]: [f32; 2],
 ) -> Vec3 {
-    let water = ground * transmittance(look, mixture, path_m + light_path_m)
-        + white * in_scattered(look, mixture, path_m);
+    let water =
+        ground * transmittance(look, mixture, path_m + light_path_m) + white * in_scattered(look, mixture, path_m);
     water * (1.0 - reflectivity) + environment * reflectivity
 }

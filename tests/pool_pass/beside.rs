@@ -1,7 +1,7 @@
 //! Pools beside tools, other pools and other cameras.
 
 use super::FLOOR;
-use super::stage::{LEVEL_M, Stage, set_all};
+use super::stage::{LEVEL_M, Stage, channels, set_all};
 use bevy::camera::{Hdr, RenderTarget, Viewport};
 use bevy::core_pipeline::tonemapping::Tonemapping;
 use bevy::light::GlobalAmbientLight;
@@ -117,7 +117,8 @@ fn one_sample_and_four_agree() {
     let one = stage.app.capture();
     stage.app.world_mut().entity_mut(stage.camera).insert(Msaa::Sample4);
     let four = stage.app.capture();
-    let differ = |a: &image::Rgba<u8>, b: &image::Rgba<u8>| (0..3).any(|channel| a.0[channel].abs_diff(b.0[channel]) > 2);
+    let differ =
+        |a: &image::Rgba<u8>, b: &image::Rgba<u8>| (0..3).any(|channel| a.0[channel].abs_diff(b.0[channel]) > 2);
     let count = one.pixels().zip(four.pixels()).filter(|(a, b)| differ(a, b)).count();
     assert!(count < 250, "{count} pixels differ");
 }
@@ -141,7 +142,8 @@ fn each_half_of_a_target_has_its_pool() {
     let [wet, dry] = stage.pictures();
     for y in 0..90 {
         for x in 0..120 {
-            assert_eq!(wet.get_pixel(x, y), wet.get_pixel(x + 120, y), "pixel {x},{y}");
+            let [left, right] = [x, x + 120].map(|x| channels(wet.get_pixel(x, y)));
+            assert!((left - right).abs().max_element() < 2.0, "pixel {x},{y}: {left} and {right}");
             assert!(wet.get_pixel(x, y) != dry.get_pixel(x, y), "pixel {x},{y}");
         }
     }
@@ -172,9 +174,11 @@ fn tilted_and_scaled_pools_lie_in_their_plane() {
     let mut stage = Stage::new(160, 120);
     stage.add_box(Vec3::new(0.0, 0.0, 0.0), Vec3::new(0.02, 0.4, 0.4), FLOOR);
     stage.change_surface(|surface| set_all(surface, 0.0, BLOODY));
-    stage.app.world_mut().entity_mut(stage.camera).insert(
-        Transform::from_xyz(0.07, 0.0, 0.02).looking_at(Vec3::X * 0.01, Vec3::Y),
-    );
+    stage
+        .app
+        .world_mut()
+        .entity_mut(stage.camera)
+        .insert(Transform::from_xyz(0.07, 0.0, 0.02).looking_at(Vec3::X * 0.01, Vec3::Y));
     let turned = Transform::from_xyz(0.01, 0.0, 0.0)
         .with_rotation(Quat::from_rotation_y(std::f32::consts::FRAC_PI_2))
         .with_scale(Vec3::splat(3.0));

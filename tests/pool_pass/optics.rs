@@ -45,9 +45,10 @@ fn light_fades_with_the_way() {
     let look = PoolLook::default();
     let half = PoolMixture { blood: 0.5, dust: 0.0 };
     assert!((refractive_index(&look, half) - 1.36).abs() < 1e-6);
-    let wanted = (-(look.water_absorption_per_m.y + 0.5 * look.blood_absorption_per_m.y
-        + 0.5 * look.blood_scattering_per_m) * 1e-4)
-        .exp();
+    let wanted =
+        (-(look.water_absorption_per_m.y + 0.5 * look.blood_absorption_per_m.y + 0.5 * look.blood_scattering_per_m)
+            * 1e-4)
+            .exp();
     assert!((transmittance(&look, half, 1e-4).y - wanted).abs() < 1e-6);
     let once = transmittance(&look, half, 3e-4);
     assert!((transmittance(&look, half, 6e-4) - once * once).abs().max_element() < 1e-6);

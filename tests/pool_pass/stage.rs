@@ -60,7 +60,10 @@ impl Stage {
     /// Looks at the origin.
     pub fn aim(&mut self, eye: Vec3) {
         let up = if eye.truncate().length() < 1e-6 { Vec3::Y } else { Vec3::Z };
-        self.app.world_mut().entity_mut(self.camera).insert(Transform::from_translation(eye).looking_at(Vec3::ZERO, up));
+        self.app
+            .world_mut()
+            .entity_mut(self.camera)
+            .insert(Transform::from_translation(eye).looking_at(Vec3::ZERO, up));
     }
 
     /// Where the ray of a place in the picture begins, and its direction.

@@ -45,8 +45,7 @@ impl Specializer<RenderPipeline> for PoolSpecializer {
         descriptor.primitive.cull_mode = None;
         let multisampled = key.target.samples > 1;
         descriptor.set_layout(1, self.layouts[usize::from(multisampled)].clone());
-        let definitions =
-            [(multisampled, "MULTISAMPLED"), (key.has_map, "ENVIRONMENT_MAP"), (key.has_foam, "FOAM")];
+        let definitions = [(multisampled, "MULTISAMPLED"), (key.has_map, "ENVIRONMENT_MAP"), (key.has_foam, "FOAM")];
         for (_, name) in definitions.into_iter().filter(|(is_defined, _)| *is_defined) {
             descriptor.vertex.shader_defs.push(name.into());
             descriptor.fragment_mut()?.shader_defs.push(name.into());

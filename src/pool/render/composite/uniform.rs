@@ -59,8 +59,8 @@ pub struct PoolUniform {
     pub blood_index: f32,
     /// The table, six numbers.
     pub meniscus: [Vec4; 2],
-    /// Slope of the meniscus at the wall.
-    pub meniscus_slope: f32,
+    /// Brightness of what the meniscus mirrors.
+    pub meniscus_light: f32,
     /// Height over the surface beyond which nothing makes a meniscus, metres.
     pub meniscus_reach_m: f32,
     /// 1 with refraction, else 0.
@@ -75,8 +75,6 @@ pub struct PoolUniform {
     pub lamp_radius_m: f32,
     /// Size of bubbles, metres.
     pub bubble_m: f32,
-    /// Brightness of what the meniscus mirrors.
-    pub meniscus_light: f32,
     /// Place, one over the square of the radius, amount.
     pub foam: [Vec4; MAX_FOAM],
     /// How many of them there are.
@@ -194,11 +192,8 @@ impl PoolView {
             water_index: look.water_index,
             dust_colour: look.dust_colour,
             blood_index: look.blood_index,
-            meniscus: [
-                Vec4::new(table[0], table[1], table[2], table[3]),
-                Vec4::new(table[4], table[5], 0.0, 0.0),
-            ],
-            meniscus_slope: if has_meniscus { look.meniscus_slope } else { 0.0 },
+            meniscus: [Vec4::new(table[0], table[1], table[2], table[3]), Vec4::new(table[4], table[5], 0.0, 0.0)],
+            meniscus_light: look.meniscus_light,
             meniscus_reach_m: look.meniscus_reach_m,
             refracts: f32::from(u8::from(look.refracts)),
             is_paper_fresnel: f32::from(u8::from(look.fresnel == FresnelModel::Paper)),
@@ -206,7 +201,6 @@ impl PoolView {
             room: look.room,
             lamp_radius_m: look.lamp_radius_m,
             bubble_m: look.bubble_m,
-            meniscus_light: look.meniscus_light,
             foam,
             foam_count: pool.foam.len() as u32,
             lights: lights_in(lights, pool.world_from_pool.inverse()),
