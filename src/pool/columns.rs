@@ -2,7 +2,7 @@
 
 use super::component::{Pool, PoolFault, PoolState};
 use super::step::Shown;
-use super::{Cavity, FluidSolver, PoolError, PoolGrid, PoolLevel, WaterBudget, WetMask};
+use super::{Cavity, FluidSolver, PoolError, PoolGrid, PoolLevel, PoolSurface, WaterBudget, WetMask};
 use crate::volume::pick::VolumePicker;
 use crate::volume::structures::Structures;
 use crate::volume::{CtVolume, CutVolume, PickedVolume, Volume, VoxelBox};
@@ -187,6 +187,7 @@ pub(super) fn measure_columns(
             fluid,
             PoolState::default(),
             Shown::default(),
+            PoolSurface::new(grid, 0.0),
             Measured {
                 structures: structures.clone(),
                 volume_from_pool: columns.volume_from_pool,
@@ -227,7 +228,7 @@ fn report(commands: &mut Commands, entity: Entity, before: Option<&PoolFault>, f
 /// Takes away what belonged to a volume that is gone.
 fn forget(commands: &mut Commands, entity: Entity, is_bound: bool, water: &mut Mut<WaterBudget>) {
     if is_bound {
-        commands.entity(entity).remove::<(Cavity, FluidSolver, PoolState, Shown, Measured)>();
+        commands.entity(entity).remove::<(Cavity, FluidSolver, PoolState, Shown, PoolSurface, Measured)>();
         water.set_if_neq(WaterBudget::default());
     }
 }

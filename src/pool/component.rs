@@ -1,7 +1,7 @@
 //! A pool in the world.
 
 use super::bleeding::BleedingRules;
-use super::{PoolError, PoolLevel, SolverSettings, WaterBudget};
+use super::{PoolError, PoolLevel, PoolLook, SolverSettings, WaterBudget};
 use bevy::prelude::*;
 use serde::{Deserialize, Serialize};
 
@@ -11,12 +11,12 @@ use serde::{Deserialize, Serialize};
 /// gravity ([`Pool::upright`]), or towards the microscope ([`Pool::facing`]). Cells are there in the world and not on the screen:
 /// cameras do not disturb them.
 ///
-/// When its volume is there, a [`Cavity`](super::Cavity), a [`FluidSolver`](super::FluidSolver) and a [`PoolState`] are inserted
-/// beside it; when the volume is exchanged or goes, they begin anew or go with it. What is wrong is said once in the log and
+/// When its volume is there, a [`Cavity`](super::Cavity), a [`FluidSolver`](super::FluidSolver), a [`PoolState`] and a
+/// [`PoolSurface`](super::PoolSurface) are inserted beside it; when the volume is exchanged or goes, they begin anew or go with it. What is wrong is said once in the log and
 /// by [`PoolFault`].
 #[derive(Component, Clone, Copy, Debug, PartialEq, Reflect)]
 #[reflect(Component, Clone)]
-#[require(Transform, PoolLevel, PoolFluid, SolverSettings, BleedingRules, WaterBudget)]
+#[require(Transform, PoolLevel, PoolFluid, SolverSettings, BleedingRules, WaterBudget, PoolLook)]
 pub struct Pool {
     /// The volume; an entity with a [`CtVolume`](crate::volume::CtVolume).
     pub volume: Entity,

@@ -40,6 +40,7 @@ pub use source::{FLOW_REACH, FluidAction, FluidSource, MAX_SOURCES, SOURCE_REACH
 pub use surface::{PoolSurface, SURFACE_TILE};
 pub use water::{PoolLevel, WaterBudget};
 
+use crate::gravity::SurgeryGravity;
 use crate::schedule::SurgerySystems;
 use bevy::prelude::*;
 
@@ -80,6 +81,7 @@ impl Plugin for PoolPlugin {
             .register_type::<SuctionState>()
             .register_type::<SuctionGurgled>()
             .add_message::<SuctionGurgled>();
+        app.init_resource::<SurgeryGravity>();
         bleeding::build(app);
         app.add_systems(
             FixedUpdate,

@@ -4,7 +4,10 @@ use super::bleeding::{Bleeder, BleedingRules};
 use super::columns::Measured;
 use super::component::{FoamPatch, MAX_FOAM, Pool, PoolFluid, PoolState};
 use super::irrigator::{SuctionGurgled, SuctionIrrigator, SuctionState, fluid_share};
-use super::{Cavity, Dissolved, FluidAction, FluidSolver, FluidSource, PoolLevel, SolverSettings, WaterBudget};
+use super::{
+    Cavity, Dissolved, FluidAction, FluidSolver, FluidSource, PoolLevel, PoolSurface, SolverSettings, WaterBudget,
+};
+use crate::gravity::SurgeryGravity;
 use crate::volume::structures::Tissue;
 use crate::volume::{CtVolume, DrillVolume, Volume, VoxelsRemoved};
 use bevy::ecs::system::SystemParam;
@@ -40,6 +43,7 @@ type Flowing = (
     &'static mut WaterBudget,
     &'static mut PoolState,
     &'static mut Shown,
+    &'static mut PoolSurface,
 );
 type Tool = (Entity, &'static SuctionIrrigator, &'static mut SuctionState);
 
@@ -232,7 +236,7 @@ fn positive(number: f32) -> f32 {
 }
 
 /// One step of all pools.
-pub(super) fn flow(mut pools: Query<Flowing>, mut acting: Acting, time: Res<Time>) {
+pub(super) fn flow(mut pools: Query<Flowing>, mut acting: Acting, time: Res<Time>, gravity: Res<SurgeryGravity>) {
     let step_s = time.delta_secs();
     if !(step_s > 0.0 && step_s.is_finite()) {
         return;
@@ -242,7 +246,9 @@ pub(super) fn flow(mut pools: Query<Flowing>, mut acting: Acting, time: Res<Time
     for (_, _, mut suction) in &mut acting.tools {
         suction.set_if_neq(SuctionState::default());
     }
-    for (entity, pool, measured, cavity, settings, mut fluid, mut water, mut state, mut shown) in &mut pools {
+    for (entity, pool, measured, cavity, settings, mut fluid, mut water, mut state, mut shown, mut surface) in
+        &mut pools
+    {
         let (level, mixing, solver, rules) = settings;
         let Ok(place) = acting.places.compute_global_transform(entity) else { continue };
         let mut step = Step {
@@ -257,6 +263,9 @@ pub(super) fn flow(mut pools: Query<Flowing>, mut acting: Acting, time: Res<Time
         };
         if cavity.deepest().is_none() {
             rest(&mut state, &mut step, level);
+            if !surface.wet_tiles.is_empty() {
+                *surface = PoolSurface::new(*cavity.grid(), 0.0);
+            }
             continue;
         }
         for stroke in burrs.iter().filter(|stroke| stroke.volume == pool.volume) {
@@ -294,6 +303,10 @@ pub(super) fn flow(mut pools: Query<Flowing>, mut acting: Acting, time: Res<Time
         fluid.step_with(step_s, solver, &action);
         read(&fluid, cavity, &mut state, &shown, mixing);
         state.steps += 1;
+        if state.wet_cells > 0 || !surface.wet_tiles.is_empty() {
+            surface.update(&fluid, level_m, step_s, gravity.world_m_per_s2.length());
+            surface.foam.clone_from(&state.foam);
+        }
     }
 }
 

@@ -87,7 +87,12 @@ impl PoolSurface {
                     let numbers = pressure[cells].iter().zip(shares);
                     for ((texel, wet), (pressure, (blood, dust))) in texels.iter_mut().zip(wet).zip(numbers) {
                         let half = |number: f32| f16::from_f32(number * wet).to_bits();
-                        *texel = [half(pressure * mm_per_pressure), half(*blood * of_blood), half(*dust * of_dust), half(1.0)];
+                        *texel = [
+                            half(pressure * mm_per_pressure),
+                            half(*blood * of_blood),
+                            half(*dust * of_dust),
+                            half(1.0),
+                        ];
                     }
                 }
             }
