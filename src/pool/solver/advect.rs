@@ -314,7 +314,7 @@ fn less_half_the_error<L: Lanes>(carried: L::Numbers, from: L::Numbers, returned
 
 /// Four neighbours of places, in memory, and their weights.
 struct Corners<L: Lanes> {
-    place: L::Numbers,
+    places: L::Squares,
     stride: usize,
     weights: [L::Numbers; 4],
 }
@@ -339,13 +339,12 @@ impl<L: Lanes> Corners<L> {
         let weights = [L::mul(a_left, b_left), L::mul(a, b_left), L::mul(a_left, b), L::mul(a, b)];
         // Exact: no grid has more than 2^24 numbers.
         let row = L::add(L::mul(row, L::splat(stride as f32)), L::splat((FRAME - 1) as f32));
-        Self { place: L::add(row, column), stride, weights }
+        Self { places: L::to_squares(L::add(row, column), stride), stride, weights }
     }
 
     #[inline(always)]
     fn values(&self, of: &[f32]) -> [L::Numbers; 4] {
-        let [[a, b], [c, d]] = [L::pairs(of, self.place), L::pairs(&of[self.stride..], self.place)];
-        [a, b, c, d]
+        L::squares(of, &self.places, self.stride)
     }
 
     #[inline(always)]

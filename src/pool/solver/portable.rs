@@ -1,6 +1,6 @@
 //! Several numbers at a time in plain Rust: what vectors do, and what any processor can do.
 
-use super::vectors::{Lanes, last_pair};
+use super::vectors::{Lanes, last_pair, pairs_of_rows};
 use std::array::from_fn;
 
 /// Eight numbers, for which the compiler may find vectors.
@@ -109,5 +109,17 @@ impl Lanes for Portable {
         let last = last_pair(of);
         let places = places.map(|place| if place >= 0.0 { (place as i32).min(last) } else { last } as usize);
         [places.map(|place| of[place]), places.map(|place| of[place + 1])]
+    }
+
+    type Squares = Self::Numbers;
+
+    #[inline(always)]
+    fn to_squares(places: Self::Numbers, _: usize) -> Self::Numbers {
+        places
+    }
+
+    #[inline(always)]
+    fn squares(of: &[f32], places: &Self::Numbers, stride: usize) -> [Self::Numbers; 4] {
+        pairs_of_rows::<Self>(of, *places, stride)
     }
 }

@@ -45,6 +45,18 @@ pub(super) trait Lanes: Copy {
     /// The numbers of a slice at whole places, and the ones after each. Places beyond the slice, negative ones and what is no
     /// number count as its last pair.
     fn pairs(of: &[f32], places: Self::Numbers) -> [Self::Numbers; 2];
+    /// Places for [`squares`](Self::squares) of fields with so many numbers in a row.
+    type Squares: Copy;
+    fn to_squares(places: Self::Numbers, stride: usize) -> Self::Squares;
+    /// Pairs at places and those a row above.
+    fn squares(of: &[f32], places: &Self::Squares, stride: usize) -> [Self::Numbers; 4];
+}
+
+/// Squares from pairs.
+#[inline(always)]
+pub(super) fn pairs_of_rows<L: Lanes>(of: &[f32], places: L::Numbers, stride: usize) -> [L::Numbers; 4] {
+    let [[a, b], [c, d]] = [L::pairs(of, places), L::pairs(&of[stride..], places)];
+    [a, b, c, d]
 }
 
 /// The greatest place of a pair; never negative.
