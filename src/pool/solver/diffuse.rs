@@ -1,6 +1,6 @@
 //! Viscosity and diffusion: implicit, so that any strength is stable.
 
-use super::field::{FRAME, Field, bands_of};
+use super::field::{FRAME, Field, bands_of, lines, lines_mut};
 use super::project::Room;
 use super::spans::Spans;
 use super::vectors::{Lanes, Vectors, Work};
@@ -51,7 +51,7 @@ impl Work for Rounds<'_> {
     #[inline(always)]
     fn run<L: Lanes>(mut self) {
         let (spans, rows) = (self.band.diffusion.spans, self.band.rows.clone());
-        wave::relax(&mut self.band, self.from, spans, rows, self.rounds, self.room);
+        wave::relax::<L>(&mut self.band, self.from, spans, rows, self.rounds, self.room);
     }
 }
 
@@ -69,32 +69,47 @@ impl Relaxation for Band<'_> {
     }
 
     #[inline(always)]
-    fn relax(&self, y: usize, [below, own, above]: [&[f32]; 3], source: &[f32], next: &mut [f32]) {
+    fn relax<L: Lanes>(&self, y: usize, [below, own, above]: [&[f32]; 3], source: &[f32], next: &mut [f32]) {
         let Diffusion { there, spans, strength, .. } = self.diffusion;
-        let y = y as isize;
-        for span in spans.of_row(y as usize) {
-            let (first, count) = (FRAME + span.start, span.end - span.start);
-            let (left, right) = (&own[first - 1..][..count], &own[first + 1..][..count]);
-            let (below, above) = (&below[first..][..count], &above[first..][..count]);
-            let source = &source[first..][..count];
-            let out = &mut next[first..][..count];
+        let (one, strength) = (L::splat(1.0), L::splat(strength));
+        let whole = L::add(one, L::mul(strength, L::splat(4.0)));
+        for span in spans.of_row(y) {
+            let columns = FRAME + span.start..FRAME + span.end;
+            let (left, right) = (columns.start - 1..columns.end - 1, columns.start + 1..columns.end + 1);
+            let rows = [lines(own, left.clone()), lines(own, right.clone())];
+            let around = [rows[0], rows[1], lines(below, columns.clone()), lines(above, columns.clone())];
+            let source = lines(source, columns.clone());
+            let next = lines_mut(next, columns.clone());
             if span.is_deep {
-                let whole = 1.0 + strength * 4.0;
-                for k in 0..count {
-                    let sum = left[k] + right[k] + below[k] + above[k];
-                    out[k] = (source[k] + strength * sum) / whole;
+                for k in 0..next.len() {
+                    for lane in (0..FRAME).step_by(L::COUNT) {
+                        let mut sum = L::load(&around[0][k][lane..]);
+                        for side in 1..4 {
+                            sum = L::add(sum, L::load(&around[side][k][lane..]));
+                        }
+                        let sum = L::add(L::load(&source[k][lane..]), L::mul(strength, sum));
+                        L::store(L::div(sum, whole), &mut next[k][lane..]);
+                    }
                 }
                 continue;
             }
-            let is_there = there.row(y);
-            let (is_left, is_right) = (&is_there[first - 1..][..count], &is_there[first + 1..][..count]);
-            let (is_below, is_above) = (&there.row(y - 1)[first..][..count], &there.row(y + 1)[first..][..count]);
-            let is_there = &is_there[first..][..count];
-            for k in 0..count {
-                let sides = is_left[k] + is_right[k] + is_below[k] + is_above[k];
-                let sum =
-                    is_left[k] * left[k] + is_right[k] * right[k] + is_below[k] * below[k] + is_above[k] * above[k];
-                out[k] = is_there[k] * (source[k] + strength * sum) / (1.0 + strength * sides);
+            let y = y as isize;
+            let [is_below, is_there, is_above] = [y - 1, y, y + 1].map(|y| there.row(y));
+            let are = [lines(is_there, left), lines(is_there, right)];
+            let are = [are[0], are[1], lines(is_below, columns.clone()), lines(is_above, columns.clone())];
+            let is_there = lines(is_there, columns);
+            for k in 0..next.len() {
+                for lane in (0..FRAME).step_by(L::COUNT) {
+                    let (mut count, mut sum) = (L::splat(0.0), L::splat(0.0));
+                    for side in 0..4 {
+                        let is_there = L::load(&are[side][k][lane..]);
+                        count = L::add(count, is_there);
+                        sum = L::add(sum, L::mul(is_there, L::load(&around[side][k][lane..])));
+                    }
+                    let sum = L::add(L::load(&source[k][lane..]), L::mul(strength, sum));
+                    let sum = L::mul(L::load(&is_there[k][lane..]), sum);
+                    L::store(L::div(sum, L::add(one, L::mul(strength, count))), &mut next[k][lane..]);
+                }
             }
         }
     }

@@ -116,6 +116,17 @@ pub(super) fn row_sum(row: &[f32], spans: &Spans, y: usize) -> f64 {
     sums.iter().sum()
 }
 
+/// Some of a row's numbers, sixteen at a time.
+#[inline(always)]
+pub(super) fn lines(row: &[f32], columns: Range<usize>) -> &[[f32; FRAME]] {
+    row[columns].as_chunks().0
+}
+
+#[inline(always)]
+pub(super) fn lines_mut(row: &mut [f32], columns: Range<usize>) -> &mut [[f32; FRAME]] {
+    row[columns].as_chunks_mut().0
+}
+
 /// Calls a function for each row of cells: its number, and its numbers with the frame before them.
 pub(super) fn for_rows(field: &mut Field, of: impl Fn(usize, &mut [f32]) + Sync) {
     let at_once = rows_at_once(field.stride());

@@ -1,6 +1,6 @@
 //! Pressure: what makes the flow free of divergence.
 
-use super::field::{FRAME, Field, bands_of, for_rows_of_two};
+use super::field::{FRAME, Field, bands_of, for_rows_of_two, lines, lines_mut};
 use super::places::Places;
 use super::vectors::{Lanes, Vectors, Work};
 use super::wave::{self, Relaxation};
@@ -77,7 +77,7 @@ impl Work for Band<'_> {
         let first = if into.velocity.is_some() { rows.start.saturating_sub(1) } else { rows.start };
         let reached = first..rows.end;
         let mut projection = Projection { carried, places, rows, into, means: &mut room.means };
-        wave::relax(&mut projection, from, &places.spans, reached, rounds, &mut room.wave);
+        wave::relax::<L>(&mut projection, from, &places.spans, reached, rounds, &mut room.wave);
     }
 }
 
@@ -107,29 +107,47 @@ impl Relaxation for Projection<'_> {
     }
 
     #[inline(always)]
-    fn relax(&self, y: usize, [below, own, above]: [&[f32]; 3], divergence: &[f32], next: &mut [f32]) {
+    fn relax<L: Lanes>(&self, y: usize, [below, own, above]: [&[f32]; 3], divergence: &[f32], next: &mut [f32]) {
         for span in self.places.spans.of_row(y) {
-            let (first, count) = (FRAME + span.start, span.end - span.start);
-            let (left, right) = (&own[first - 1..][..count], &own[first + 1..][..count]);
-            let (below, above) = (&below[first..][..count], &above[first..][..count]);
-            let divergence = &divergence[first..][..count];
-            let out = &mut next[first..][..count];
+            let columns = FRAME + span.start..FRAME + span.end;
+            let (left, right) = (columns.start - 1..columns.end - 1, columns.start + 1..columns.end + 1);
+            let around = [lines(own, left), lines(own, right.clone())];
+            let around = [around[0], around[1], lines(below, columns.clone()), lines(above, columns.clone())];
+            let divergence = lines(divergence, columns.clone());
+            let next = lines_mut(next, columns.clone());
             if span.is_deep {
-                for k in 0..count {
-                    out[k] = 0.25 * ((left[k] + right[k]) + (below[k] + above[k]) - divergence[k]);
+                let quarter = L::splat(0.25);
+                for k in 0..next.len() {
+                    for lane in (0..FRAME).step_by(L::COUNT) {
+                        let sum = L::add(
+                            L::add(L::load(&around[0][k][lane..]), L::load(&around[1][k][lane..])),
+                            L::add(L::load(&around[2][k][lane..]), L::load(&around[3][k][lane..])),
+                        );
+                        let sum = L::sub(sum, L::load(&divergence[k][lane..]));
+                        L::store(L::mul(quarter, sum), &mut next[k][lane..]);
+                    }
                 }
                 continue;
             }
-            let (open_x, open_y) = (self.places.open_x.row(y as isize), self.places.open_y.row(y as isize));
-            let (open_left, open_right) = (&open_x[first..][..count], &open_x[first + 1..][..count]);
-            let (open_below, open_above) =
-                (&open_y[first..][..count], &self.places.open_y.row(y as isize + 1)[first..][..count]);
-            for k in 0..count {
-                let sides = (open_left[k] + open_right[k]) + (open_below[k] + open_above[k]);
-                let sum = (open_left[k] * left[k] + open_right[k] * right[k])
-                    + (open_below[k] * below[k] + open_above[k] * above[k]);
-                // A cell without neighbours has no divergence either.
-                out[k] = (sum - divergence[k]) / sides.max(1.0);
+            let Places { open_x, open_y, .. } = self.places;
+            let [open_x, open_y, open_above] =
+                [open_x.row(y as isize), open_y.row(y as isize), open_y.row(y as isize + 1)];
+            let open = [lines(open_x, columns.clone()), lines(open_x, right)];
+            let open = [open[0], open[1], lines(open_y, columns.clone()), lines(open_above, columns)];
+            for k in 0..next.len() {
+                for lane in (0..FRAME).step_by(L::COUNT) {
+                    let mut sides = [L::splat(0.0); 4];
+                    let mut parts = sides;
+                    for side in 0..4 {
+                        sides[side] = L::load(&open[side][k][lane..]);
+                        parts[side] = L::mul(sides[side], L::load(&around[side][k][lane..]));
+                    }
+                    let count = L::add(L::add(sides[0], sides[1]), L::add(sides[2], sides[3]));
+                    let sum = L::add(L::add(parts[0], parts[1]), L::add(parts[2], parts[3]));
+                    let sum = L::sub(sum, L::load(&divergence[k][lane..]));
+                    // A cell without neighbours has no divergence either.
+                    L::store(L::div(sum, L::max(count, L::splat(1.0))), &mut next[k][lane..]);
+                }
             }
         }
     }

@@ -3,6 +3,7 @@
 
 use super::field::{FRAME, Field};
 use super::spans::Spans;
+use super::vectors::Lanes;
 use std::ops::Range;
 
 /// Most rounds of one go.
@@ -19,7 +20,7 @@ pub(super) trait Relaxation {
     /// Numbers of a row that all rounds need, over its spans.
     fn source(&self, y: usize, source: &mut [f32]);
     /// The next round's row over its spans, from the rows below, at and above it. All rows come with the frame on both sides.
-    fn relax(&self, y: usize, below_own_above: [&[f32]; 3], source: &[f32], next: &mut [f32]);
+    fn relax<L: Lanes>(&self, y: usize, below_own_above: [&[f32]; 3], source: &[f32], next: &mut [f32]);
     /// Takes a row of the last round, and of the one before.
     fn take(&mut self, y: usize, last: &[f32], before: &[f32]);
 }
@@ -31,7 +32,7 @@ pub(super) struct Room(Vec<f32>);
 /// Goes over some rows, for which the rounds' rows around them are worked out as well: bands do not wait for each other, and each
 /// number comes out the same whatever the bands are.
 #[inline(always)]
-pub(super) fn relax(
+pub(super) fn relax<L: Lanes>(
     of: &mut impl Relaxation,
     from: &Field,
     spans: &Spans,
@@ -46,7 +47,8 @@ pub(super) fn relax(
     let (zeros, room) = room.0.split_at_mut(length);
     zeros.fill(0.0);
     let (slots, source_rows) = room.split_at_mut(length * 3 * rounds);
-    let reads = FRAME + spans.columns.start - 1..FRAME + spans.columns.end + 1;
+    // The frame is never written.
+    let reads = FRAME + spans.columns.start.saturating_sub(1)..(FRAME + spans.columns.end + 1).min(length - FRAME);
 
     for time in rows.start.saturating_sub(rounds - 1) + 1..rows.end + rounds {
         for round in 1..=rounds {
@@ -67,17 +69,25 @@ pub(super) fn relax(
                 Some(y) => &earlier[((round - 2) * 3 + y % 3) * length..][..length],
             };
             let next = &mut now[y % 3 * length..][..length];
-            of.relax(y, [row(y.checked_sub(1)), row(Some(y)), row(Some(y + 1))], source, next);
+            of.relax::<L>(y, [row(y.checked_sub(1)), row(Some(y)), row(Some(y + 1))], source, next);
             // Neighbours read beside the spans, where another row's numbers may lie.
             let mut gap = reads.start;
             for span in spans.of_row(y) {
-                next[gap..FRAME + span.start].fill(0.0);
+                clear(&mut next[gap..FRAME + span.start]);
                 gap = FRAME + span.end;
             }
-            next[gap..reads.end].fill(0.0);
+            clear(&mut next[gap..reads.end]);
             if round == rounds {
                 of.take(y, next, row(Some(y)));
             }
         }
+    }
+}
+
+/// Most often there is nothing to clear.
+#[inline(always)]
+fn clear(gap: &mut [f32]) {
+    if !gap.is_empty() {
+        gap.fill(0.0);
     }
 }
