@@ -30,7 +30,8 @@ impl Flow<'_> {
             for_rows_of_two(into, |y, [u, v]| {
                 for (axis, at, out) in [(0, At::Left, u), (1, At::Below, v)] {
                     let carried = carried.map(|carried| [carried[axis].values()]);
-                    let quantities = Quantities { from: [from[axis].values()], carried, factors: [1.0] };
+                    let quantities =
+                        Quantities { from: [from[axis].values()], carried, factors: [1.0], are_summed: false };
                     self.vectors.run(Row { flow: *self, by: velocity, at, y, quantities, into: [out] });
                 }
             });
@@ -58,7 +59,7 @@ impl Flow<'_> {
             let [a, b] = into;
             let rows = a.rows_mut().zip(b.rows_mut()).enumerate().with_min_len(at_once);
             let sums = rows.map(|(y, (a, b))| {
-                let quantities = Quantities { from, carried, factors };
+                let quantities = Quantities { from, carried, factors, are_summed: true };
                 self.vectors.run(Row { flow: *self, by: velocity, at: At::Middle, y, quantities, into: [a, b] })
             });
             sums.collect::<Vec<_>>()
@@ -84,6 +85,7 @@ struct Quantities<'a, const N: usize> {
     /// What they were carried to before; then it is corrected.
     carried: Option<[&'a [f32]; N]>,
     factors: [f32; N],
+    are_summed: bool,
 }
 
 /// A row of cells to carry to.
@@ -113,7 +115,13 @@ impl<const N: usize> Work for Row<'_, N> {
                 }
             }
         }
-        self.into.map(|row| row_sum(row, spans, self.y))
+        let mut sums = [0.0; N];
+        if self.quantities.are_summed {
+            for (sum, row) in sums.iter_mut().zip(self.into) {
+                *sum = row_sum(row, spans, self.y);
+            }
+        }
+        sums
     }
 }
 

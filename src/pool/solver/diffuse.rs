@@ -84,8 +84,8 @@ impl Relaxation for Band<'_> {
                 for k in 0..next.len() {
                     for lane in (0..FRAME).step_by(L::COUNT) {
                         let mut sum = L::load(&around[0][k][lane..]);
-                        for side in 1..4 {
-                            sum = L::add(sum, L::load(&around[side][k][lane..]));
+                        for side in &around[1..] {
+                            sum = L::add(sum, L::load(&side[k][lane..]));
                         }
                         let sum = L::add(L::load(&source[k][lane..]), L::mul(strength, sum));
                         L::store(L::div(sum, whole), &mut next[k][lane..]);

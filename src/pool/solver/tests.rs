@@ -295,7 +295,7 @@ fn assert_zero_beyond_spans(solver: &FluidSolver) {
 const STEP_S: f32 = 1.0 / 60.0;
 
 proptest! {
-    #![proptest_config(ProptestConfig::with_cases(64))]
+    #![proptest_config(ProptestConfig::with_cases(32))]
 
     #[test]
     fn steps_are_those_of_plain_code(width in prop_oneof![4_u32..90, 200_u32..600], height in 4_u32..40, seed: u64, cells in 0.1_f32..40.0) {
