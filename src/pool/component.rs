@@ -75,7 +75,7 @@ impl Default for PoolFluid {
             stir_per_s: 1.2,
             foam_from_m_s: 8.0,
             foam_lasts_s: 0.6,
-            dust_per_bone: 8.0,
+            dust_per_bone: 3.0,
             dust_settles_s: 8.0,
             blood_clots_s: 240.0,
             hidden_from: 0.35,

@@ -72,6 +72,10 @@ struct Step<'a> {
     /// Blood that enters, and clear water: where (none for anywhere), how wide, how much (millilitres).
     blood: Vec<(Vec2, f32, f64)>,
     foam: Vec<FoamPatch>,
+    /// Jets that clear water comes with: where, and how many cells of what is there it takes the place of.
+    displaced: Vec<(Vec2, f32)>,
+    /// Share of the fluid that ran over.
+    overflow: f64,
 }
 
 impl Step<'_> {
@@ -116,7 +120,7 @@ impl Step<'_> {
         let is_near_surface = self.level_m.is_some_and(|level_m| middle.z + 2.0 * radius_m > level_m);
         if excess > 0.0 && is_near_surface {
             let amount = excess.min(1.0);
-            self.foam.push(FoamPatch { place_m: middle.truncate(), radius_m: 2.0 * radius_m, amount });
+            self.foam.push(FoamPatch { place_m: middle.truncate(), radius_m: 1.5 * radius_m, amount });
         }
     }
 
@@ -164,12 +168,15 @@ impl Step<'_> {
             // Clear water takes the place of so much of what is there.
             let footprint_m3 = TAU * wide_m * wide_m * depth_m;
             self.water.irrigate(ml);
+            let clear = (ml as f32 * 1e-6 / footprint_m3).min(0.5);
+            let cell_m = self.cavity.grid().cell_m();
+            self.displaced.push((target_m, clear * TAU * wide_m * wide_m / (cell_m * cell_m)));
             self.action.sources.push(FluidSource {
                 place_m: target_m,
                 radius_m: wide_m,
                 push_m_s: along * (positive(tool.jet_m_s) * 12.0 * self.step_s).min(1.0),
                 flow_m2_s: irrigation_ml_s * 1e-6 / depth_m,
-                clear: (ml as f32 * 1e-6 / footprint_m3).min(0.5),
+                clear,
                 ..FluidSource::default()
             });
         }
@@ -260,6 +267,8 @@ pub(super) fn flow(mut pools: Query<Flowing>, mut acting: Acting, time: Res<Time
             action: FluidAction::default(),
             blood: Vec::new(),
             foam: Vec::new(),
+            displaced: Vec::new(),
+            overflow: 0.0,
         };
         if cavity.deepest().is_none() {
             rest(&mut state, &mut step, level);
@@ -297,10 +306,9 @@ pub(super) fn flow(mut pools: Query<Flowing>, mut acting: Acting, time: Res<Time
         let level_m = state.level_m.unwrap_or_default();
         wet(&mut fluid, &mut state, &mut shown, cavity, measured.revision, level_m);
 
-        let Step { mut action, blood, foam, .. } = step;
-        state.foam = age_foam(&state.foam, foam, mixing, step_s);
-        mix(&mut fluid, &mut action, &blood, &mut state, &mut shown, &water, mixing, step_s);
-        fluid.step_with(step_s, solver, &action);
+        state.foam = age_foam(&state.foam, std::mem::take(&mut step.foam), mixing, step_s);
+        mix(&fluid, &mut step, &mut state, &mut shown, mixing);
+        fluid.step_with(step_s, solver, &step.action);
         read(&fluid, cavity, &mut state, &shown, mixing);
         state.steps += 1;
         if state.wet_cells > 0 || !surface.wet_tiles.is_empty() {
@@ -352,7 +360,8 @@ fn find_level(state: &mut PoolState, step: &mut Step, shown: &mut Shown, columns
             state.level_m = Some(level_m);
         }
         PoolLevel::Balanced => {
-            step.water.overflow(step.cavity.volume_ml(rim_m));
+            let over_ml = step.water.overflow(step.cavity.volume_ml(rim_m));
+            step.overflow = over_ml / (step.water.held_ml + over_ml).max(1e-12);
             let near_m = state.level_m.unwrap_or(rim_m);
             state.level_m = step.cavity.level_m(step.water.held_ml, rim_m, near_m);
         }
@@ -401,36 +410,38 @@ fn age_foam(old: &[FoamPatch], fresh: Vec<FoamPatch>, mixing: &PoolFluid, step_s
     foam
 }
 
-/// Blood enters, and what dilutes, clots and settles goes.
-fn mix(
-    fluid: &mut FluidSolver,
-    action: &mut FluidAction,
-    blood: &[(Vec2, f32, f64)],
-    state: &mut PoolState,
-    shown: &mut Shown,
-    water: &WaterBudget,
-    mixing: &PoolFluid,
-    step_s: f32,
-) {
+/// Blood enters, and what dilutes, runs over, clots and settles goes.
+fn mix(fluid: &FluidSolver, step: &mut Step, state: &mut PoolState, shown: &mut Shown, mixing: &PoolFluid) {
     let cell_m2 = f64::from(fluid.grid().cell_m()).powi(2);
     let wet_m2 = f64::from(state.wet_cells) * cell_m2;
-    state.mean_depth_m = if wet_m2 > 0.0 { (water.held_ml * 1e-6 / wet_m2) as f32 } else { 0.0 };
+    state.mean_depth_m = if wet_m2 > 0.0 { (step.water.held_ml * 1e-6 / wet_m2) as f32 } else { 0.0 };
     let cell_ml = cell_m2 * f64::from(state.mean_depth_m.max(LEAST_DEPTH_M)) * 1e6;
     // The same amount in deeper fluid is a smaller share of it.
-    let spread = if shown.cell_ml > 0.0 { (shown.cell_ml / cell_ml) as f32 } else { 1.0 };
+    let spread = if shown.cell_ml > 0.0 { shown.cell_ml / cell_ml } else { 1.0 };
     shown.cell_ml = cell_ml;
-    let fades = |time_s: f32| if time_s > 0.0 { (-step_s / time_s).exp() } else { 1.0 };
-    action.keep = [spread * fades(mixing.blood_clots_s), spread * fades(mixing.dust_settles_s)];
-    for &(place_m, radius_m, ml) in blood {
+    let fades = |time_s: f32| if time_s > 0.0 { (-step.step_s / time_s).exp() } else { 1.0 };
+    let fades = [fades(mixing.blood_clots_s), fades(mixing.dust_settles_s)];
+    for (what, dissolved) in [Dissolved::Blood, Dissolved::Dust].into_iter().enumerate() {
+        // What clear water pushes aside is still there, elsewhere.
+        let displaced: f32 = step.displaced.iter().map(|(at_m, cells)| cells * share_at(fluid, dissolved, *at_m)).sum();
+        let aside = 1.0 + (f64::from(displaced) / fluid.total(dissolved).max(1e-9)).min(0.2);
+        step.action.keep[what] = (spread * aside * (1.0 - step.overflow)) as f32 * fades[what];
+    }
+    for &(place_m, radius_m, ml) in &step.blood {
         let place_m = nearest_wet(fluid, place_m);
-        action.sources.push(FluidSource {
+        step.action.sources.push(FluidSource {
             place_m,
             radius_m,
             amount: [(ml / cell_ml) as f32, 0.0],
-            flow_m2_s: (ml * 1e-6) as f32 / (state.mean_depth_m.max(LEAST_DEPTH_M) * step_s),
+            flow_m2_s: (ml * 1e-6) as f32 / (state.mean_depth_m.max(LEAST_DEPTH_M) * step.step_s),
             ..FluidSource::default()
         });
     }
+}
+
+fn share_at(fluid: &FluidSolver, what: Dissolved, place_m: Vec2) -> f32 {
+    let cell = fluid.grid().cell_from_pool(place_m).round();
+    if cell.cmpge(Vec2::ZERO).all() { fluid.share(what, cell.as_uvec2()) } else { 0.0 }
 }
 
 /// Blood from a dry wall runs down into the fluid: the nearest wet cell in widening squares, or the place itself.
