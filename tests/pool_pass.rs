@@ -151,33 +151,37 @@ fn refraction_obeys_snell() {
     for msaa in [Msaa::Off, Msaa::Sample4] {
         let mut stage = Stage::new(160, 120);
         let camera = stage.camera;
-        stage.app.world_mut().entity_mut(camera).insert(msaa);
+        // From so near that another index shows.
+        let lens = PerspectiveProjection { fov: 0.1, near: 0.001, ..default() };
+        stage.app.world_mut().entity_mut(camera).insert((msaa, Projection::Perspective(lens)));
         stage.add_box(Vec3::new(-0.05, 0.0, -0.01), Vec3::new(0.1, 0.2, 0.02), [255, 0, 0]);
         stage.add_box(Vec3::new(0.05, 0.0, -0.01), Vec3::new(0.1, 0.2, 0.02), [0, 255, 0]);
         stage.aim(Vec3::new(0.05, -0.01, 0.05));
         let picture = stage.app.capture();
-        let (mut compared, mut shifted) = (0, 0);
+        let (mut compared, mut shifted, mut other) = (0, 0, 0);
         for y in 16..104 {
             for x in 20..140 {
                 let at = Vec2::new(x as f32, y as f32) + 0.5;
-                let end = |at: Vec2| {
+                let end = |at: Vec2, index: f32| {
                     let (from, along) = stage.ray(at);
                     let entry = from + along * ((LEVEL_M - from.z) / along.z);
-                    entry.x + optical_displacement_m(refracted(along, Vec3::Z, 1.33), Vec3::NEG_Z, LEVEL_M).x
+                    entry.x + optical_displacement_m(refracted(along, Vec3::Z, index), Vec3::NEG_Z, LEVEL_M).x
                 };
-                let here = end(at);
-                let pixel_m = (end(at + Vec2::X) - here).abs() + (end(at + Vec2::Y) - here).abs();
+                let here = end(at, 1.33);
+                let pixel_m = (end(at + Vec2::X, 1.33) - here).abs() + (end(at + Vec2::Y, 1.33) - here).abs();
                 if here.abs() < 1.2 * pixel_m {
                     continue;
                 }
                 let got = picture.get_pixel(x, y).0;
                 assert_eq!(got[0] < got[1], here > 0.0, "{msaa:?}: pixel {x},{y} is {got:?}, its ray ends at {here}");
                 compared += 1;
+                other += u32::from((end(at, 1.43) > 0.0) != (here > 0.0));
                 let (from, along) = stage.ray(at);
                 shifted += u32::from((from.x - along.x * from.z / along.z > 0.0) != (here > 0.0));
             }
         }
         assert!(compared > 8000 && shifted > 300, "{compared} pixels, of which refraction changes {shifted}");
+        assert!(other > 100, "only {other} pixels tell the index of water from that of oil");
     }
 }
 
