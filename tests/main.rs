@@ -14,6 +14,7 @@ mod pacing;
 mod pool_cavity;
 mod pool_ecs;
 mod pool_pass;
+mod pool_flow;
 mod pool_solver;
 mod reactions_corners;
 mod reactions_drops;

@@ -40,6 +40,8 @@ const RENDER_WORLD: &[&str] = &[
     "render/lights.rs",
     "render/uploads.rs",
     "highlights/render/",
+    "pool/render/flow/pass.rs",
+    "pool/render/flow/uniform.rs",
     "skin/render/prepare.rs",
     "view/tool_shadows/map.rs",
     "view/tool_shadows/prepare.rs",

@@ -7,6 +7,7 @@ use bevy::render::view::ViewUniform;
 use bevy_surgery::highlights::{HighlightRing, HighlightsUniform};
 use bevy_surgery::organ::render::{OrganUniform, PrimaryVertex, corner_vertex_layout};
 use bevy_surgery::pool::render::PoolUniform;
+use bevy_surgery::pool::render::flow::{FlowSource, FlowUniform};
 use bevy_surgery::render::{LightUniform, OrganLights, SHADERS};
 use bevy_surgery::skin::SkinUniform;
 use bevy_surgery::testing::TestApp;
@@ -124,6 +125,10 @@ fn every_shader_composes_and_validates() {
         if let Err(reason) = compose_with(&mut composer, shader.path, shader.source, &tonemapping) {
             panic!("{} with tonemapping: {reason}", shader.path);
         }
+        // Tiles of a pool without walls, and what is read back of it.
+        if let Err(reason) = compose_with(&mut composer, shader.path, shader.source, &["DEEP", "READINGS"]) {
+            panic!("{} with the pool's definitions: {reason}", shader.path);
+        }
         if let Err(reason) = compose_with(&mut composer, shader.path, shader.source, &["MULTISAMPLED"]) {
             panic!("{} with several samples: {reason}", shader.path);
         }
@@ -199,6 +204,9 @@ fn rust_and_wgsl_agree_on_every_struct() {
     assert_layout!(&march, "VolumeUniform", VolumeUniform);
     let pool = compose(&mut composer, "pool/composite.wgsl", source("pool/composite.wgsl")).expect("composes");
     assert_layout!(&pool, "PoolUniform", PoolUniform);
+    let act = compose(&mut composer, "pool/act.wgsl", source("pool/act.wgsl")).expect("composes");
+    assert_layout!(&act, "FlowUniform", FlowUniform);
+    assert_layout!(&act, "FlowSource", FlowSource);
     let (size, offsets) = layout_in(&skin, "PrimaryVertex");
     assert_eq!(size as usize, size_of::<PrimaryVertex>());
     assert_eq!(offsets[0].1 as usize, std::mem::offset_of!(PrimaryVertex, position_m));
@@ -238,6 +246,8 @@ fn no_struct_escapes_the_comparison() {
     // `ColorGrading` is a part of Bevy's `View`, whose size is compared.
     let compared = [
         "ColorGrading",
+        "FlowSource",
+        "FlowUniform",
         "HighlightRing",
         "HighlightsUniform",
         "LightUniform",

@@ -1,6 +1,7 @@
-//! Pools on the GPU.
+//! Pools on the GPU: what is drawn of them, and the flow for those that ask for it.
 
 mod composite;
+pub mod flow;
 
 pub use composite::{PoolTextures, PoolUniform};
 
@@ -11,11 +12,17 @@ use bevy::prelude::*;
 #[derive(SystemSet, Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub struct PoolPasses;
 
-/// Draws [`PoolSurface`](super::PoolSurface)s. A part of [`PoolPlugin`](super::PoolPlugin).
+/// Draws [`PoolSurface`](super::PoolSurface)s, and moves pools on the GPU that ask for it with [`GpuFlow`](flow::GpuFlow). A part of
+/// [`PoolPlugin`](super::PoolPlugin).
 pub struct PoolRenderPlugin;
 
 impl Plugin for PoolRenderPlugin {
     fn build(&self, app: &mut App) {
         composite::build(app);
+        flow::build(app);
+    }
+
+    fn finish(&self, app: &mut App) {
+        flow::finish(app);
     }
 }

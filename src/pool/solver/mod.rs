@@ -31,7 +31,11 @@ use places::Places;
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 use std::ops::Range;
+use std::sync::atomic::{AtomicU64, Ordering};
 use vectors::Vectors;
+
+/// Masks that solvers had so far: what is made of one is good as long as the number is the same.
+static MASKS: AtomicU64 = AtomicU64::new(1);
 
 /// Farthest that anything moves in a step, cells; what is faster is slowed down to it.
 pub const MAX_CELLS_PER_STEP: f32 = 24.0;
@@ -97,6 +101,8 @@ pub struct FluidSolver {
     vectors: Vectors,
     mask: WetMask,
     places: Places,
+    /// Another one for each mask.
+    mask_revision: u64,
     /// Velocity through the left and the lower side of each cell, metres per second.
     velocity: [Field; 2],
     dissolved: [Field; 2],
@@ -125,6 +131,7 @@ impl FluidSolver {
             vectors: Vectors::best(),
             mask: WetMask::from_fn(&grid, |_| true),
             places: Places::new(grid.size()),
+            mask_revision: 0,
             velocity: [field(), field()],
             dissolved: [field(), field()],
             factors: [1.0; 2],
@@ -165,6 +172,7 @@ impl FluidSolver {
     /// Fluid is where a mask says that differs in some rows only; returns what was dissolved in cells that became walls.
     fn wet(&mut self, mask: &WetMask, rows: Range<usize>) -> [f64; 2] {
         let change = self.places.set(mask, rows.clone());
+        self.mask_revision = MASKS.fetch_add(1, Ordering::Relaxed);
         let places = &self.places;
         let in_rows = |field: &mut Field, rows: Range<usize>, of: &(dyn Fn(usize, &mut [f32]) -> f64 + Sync)| {
             let some = field.rows_mut().enumerate().skip(rows.start).take(rows.len());
@@ -371,6 +379,12 @@ impl FluidSolver {
             self.factors[what] = if after[what] > 0.0 { (before[what] / after[what]) as f32 * keep[what] } else { 1.0 };
         }
         amounts
+    }
+
+    /// Tells masks apart, also those of other solvers; a clone has the same mask.
+    #[cfg(feature = "render")]
+    pub(crate) fn mask_revision(&self) -> u64 {
+        self.mask_revision
     }
 
     fn totals(&self) -> [f64; 2] {
