@@ -304,6 +304,24 @@ fn another_grid_begins_at_rest() {
 }
 
 #[test]
+fn an_exchanged_component_begins_at_rest() {
+    let mut twins = Twins::new(settings(Advection::SemiLagrangian), basin);
+    twins.push(6);
+    twins.frame();
+    let mut flow = GpuFlow::default();
+    for _ in 0..2 {
+        flow.push(&twins.fluid, STEP_S, &twins.settings, &default());
+    }
+    twins.push(2);
+    twins.app.world_mut().entity_mut(twins.pool).insert(flow);
+    for _ in 0..5 {
+        twins.frame();
+    }
+    let found = twins.readings();
+    assert_eq!((found.step, found.blood, found.dust, found.fastest_m_s), (2, 0.0, 0.0, 0.0));
+}
+
+#[test]
 fn a_pool_that_is_gone_leaves_nothing() {
     let mut twins = Twins::new(settings(Advection::SemiLagrangian), basin);
     twins.push(5);

@@ -2,10 +2,11 @@
 
 use super::mask::PackedMask;
 use super::readings::PoolReadings;
-use super::uniform::FlowSource;
+use super::uniform::{FlowSource, FlowUniform};
 use crate::pool::source::{FLOW_REACH, FluidAction, FluidSource, SOURCE_REACH};
 use crate::pool::{Advection, FluidSolver, SolverSettings, StirNoise};
 use bevy::prelude::*;
+use bevy::render::render_resource::ShaderType;
 use std::collections::VecDeque;
 use std::sync::Arc;
 
@@ -167,6 +168,14 @@ impl FlowStep {
 
     pub fn has_diffusion(&self) -> bool {
         is_positive(self.settings.diffusion_m2_s)
+    }
+
+    /// What of it alone travels to the GPU.
+    pub fn bytes(&self) -> u64 {
+        let acting = |acting: &Acting| {
+            acting.sources.len() as u64 * FlowSource::min_size().get() + acting.tiles.len() as u64 * 4
+        };
+        FlowUniform::min_size().get() + acting(&self.pushing) + acting(&self.acting)
     }
 
     /// Fields of two numbers that it needs besides velocity and what is dissolved.

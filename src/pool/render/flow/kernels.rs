@@ -1,13 +1,13 @@
 //! The kernels of a step, and what each of them is bound to.
 
+use super::uniform::FlowUniform;
 use crate::render::shader_path;
 use bevy::prelude::*;
 use bevy::render::render_resource::binding_types::{
     storage_buffer_read_only_sized, storage_buffer_sized, texture_storage_2d, uniform_buffer,
 };
 use bevy::render::render_resource::*;
-
-use super::uniform::FlowUniform;
+use bevy::render::renderer::{RenderAdapter, RenderDevice};
 
 /// Places of [`KERNELS`].
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -148,7 +148,17 @@ impl ReadyKernels<'_> {
     }
 }
 
-pub(super) fn init_pipelines(mut commands: Commands, assets: Res<AssetServer>, cache: Res<PipelineCache>) {
+pub(super) fn init_pipelines(
+    mut commands: Commands,
+    assets: Res<AssetServer>,
+    cache: Res<PipelineCache>,
+    device: Res<RenderDevice>,
+    adapter: Res<RenderAdapter>,
+) {
+    // The main world says so.
+    if super::check(&device, &adapter).is_err() {
+        return;
+    }
     let stage = ShaderStages::COMPUTE;
     let common = BindGroupLayoutDescriptor::new(
         "pool_flow_layout",

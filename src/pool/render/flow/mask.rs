@@ -38,8 +38,8 @@ impl PackedMask {
     pub fn new(size: UVec2, is_wet: impl Fn(UVec2) -> bool) -> Self {
         let tiles_along = (size + TILE - 1) / TILE;
         let stride = tiles_along.x * TILE + MARGIN;
-        // A frame of one row on both sides, and the margin after the last row.
-        let count = ((tiles_along.y * TILE + 2) * stride + MARGIN) as usize;
+        // A frame of one row on both sides, one more for neighbours of what is clamped, and the margin after the last row.
+        let count = ((tiles_along.y * TILE + 3) * stride + MARGIN) as usize;
         let place_of = |cell: UVec2| ((cell.y + 1) * stride + cell.x + MARGIN) as usize;
         let mut words = vec![0; count];
         let mut wet_of_tile = vec![0; (tiles_along.x * tiles_along.y) as usize];
@@ -93,6 +93,11 @@ impl PackedMask {
             reaches.iter().any(|reach| reach.min.cmple(cells.max).all() && reach.max.cmpge(cells.min).all())
         };
         self.tiles.iter().copied().filter(is_within).collect()
+    }
+
+    /// What of it travels to the GPU.
+    pub fn bytes(&self) -> u64 {
+        4 * (self.words.len() + self.sides.len() + self.tiles.len()) as u64
     }
 
     /// Numbers of a field with one number per place.

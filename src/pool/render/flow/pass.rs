@@ -6,6 +6,7 @@ use super::extract::FlowQueues;
 use super::kernels::FlowPipelines;
 use super::readings::{PoolReadings, ReadingsSender};
 use super::state::FlowState;
+use crate::render::Uploads;
 use bevy::prelude::*;
 use bevy::render::diagnostic::RecordDiagnostics;
 use bevy::render::render_resource::*;
@@ -62,11 +63,13 @@ pub(super) fn prepare_pools(
 ) {
     pools.0.retain(|entity, _| queues.0.contains_key(entity));
     for (entity, StepQueue(steps)) in &mut queues.0 {
+        // What was to happen before the component was exchanged, or in a grid that is gone.
+        let first = steps.iter().rposition(|step| step.number == 1);
+        steps.drain(..first.unwrap_or(0));
         let Some(newest) = steps.back() else { continue };
         let (mask, size) = (newest.mask.clone(), newest.mask.size);
-        // What was to happen in a grid that is gone.
         steps.retain(|step| step.mask.size == size);
-        if pools.0.get(entity).is_none_or(|state| state.size != size) {
+        if first.is_some() || pools.0.get(entity).is_none_or(|state| state.size != size) {
             let state = FlowState::new(&device, &mask);
             let (texture, view) = (state.surface.clone(), state.surface_view.clone());
             let fields = state.fields(mask.stride);
@@ -81,8 +84,9 @@ pub(super) fn run_steps(
     mut pools: ResMut<FlowPools>,
     mut surfaces: ResMut<PoolSurfaces>,
     mut queues: ResMut<FlowQueues>,
-    pipelines: Res<FlowPipelines>,
+    pipelines: Option<Res<FlowPipelines>>,
     cache: Res<PipelineCache>,
+    uploaded: Option<Res<Uploads>>,
     queue: Res<RenderQueue>,
     mut context: RenderContext,
 ) {
@@ -90,7 +94,7 @@ pub(super) fn run_steps(
         return;
     }
     // Never half a chain: until all are there, steps wait.
-    let Some(kernels) = pipelines.ready(&cache) else { return };
+    let Some(kernels) = pipelines.as_ref().and_then(|pipelines| pipelines.ready(&cache)) else { return };
     let device = context.render_device().clone();
     let recorder = context.diagnostic_recorder();
     let recorder = recorder.as_deref();
@@ -100,12 +104,14 @@ pub(super) fn run_steps(
         let Some(state) = pools.0.get_mut(entity) else { continue };
         let steps = std::mem::take(&mut steps.0);
         let offsets = state.upload(&device, &queue, steps.iter());
+        let mut bytes = steps.iter().map(FlowStep::bytes).sum::<u64>();
         for (step, offset) in steps.iter().zip(&offsets) {
             state.ensure_room(&device, step.rooms());
             state.set_noise(&device, &step.noise);
             let has_new_mask = state.set_mask(&device, step);
             if has_new_mask {
                 state.clear_room(encoder);
+                bytes += step.mask.bytes();
             }
             let Some(mut chain) = Chain::begin(&device, &kernels, encoder, state, *offset) else { continue };
             if let Some(mask) = state.mask.as_ref().filter(|_| has_new_mask) {
@@ -116,6 +122,9 @@ pub(super) fn run_steps(
         let (Some(last), Some(offset)) = (steps.back(), offsets.last()) else { continue };
         if let Some(mut chain) = Chain::begin(&device, &kernels, encoder, state, *offset) {
             chain.publish(state);
+        }
+        if let Some(uploaded) = &uploaded {
+            uploaded.add(bytes);
         }
         state.copy_readings(encoder, readings_of(last));
         if let Some(surface) = surfaces.0.get_mut(entity) {
