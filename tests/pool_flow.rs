@@ -215,7 +215,7 @@ fn readings_arrive_and_agree() {
 
 /// A number of 16 bits.
 fn number(bits: u16) -> f32 {
-    let (exponent, fraction) = (i32::from(bits >> 10 & 31), f32::from(bits & 1023));
+    let (exponent, fraction) = (i32::from((bits >> 10) & 31), f32::from(bits & 1023));
     let size =
         if exponent == 0 { fraction * 2_f32.powi(-24) } else { (1.0 + fraction / 1024.0) * 2_f32.powi(exponent - 15) };
     if bits >> 15 == 1 { -size } else { size }

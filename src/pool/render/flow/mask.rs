@@ -76,7 +76,7 @@ impl PackedMask {
                     && within(y, tiles_along.y)
                     && (y - 1..y + 2).all(|y| (x - 1..x + 2).all(|x| wet(x, y) == TILE * TILE));
                 let list = if is_deep { &mut tiles } else { &mut beside };
-                list.push(x * TILE | (y * TILE) << 16);
+                list.push((x * TILE) | ((y * TILE) << 16));
             }
         }
         let deep_tiles = tiles.len() as u32;
@@ -124,7 +124,7 @@ fn measure_clearance(words: &mut [u32], stride: usize) {
         let around = [place + 1, below - 1, below, below + 1].map(|place| clearance(words, place));
         let least = around.into_iter().min().unwrap_or(0);
         let own = clearance(words, place).min(least + 1);
-        words[place] = (words[place] & 255) | own << 8;
+        words[place] = (words[place] & 255) | (own << 8);
     }
 }
 
