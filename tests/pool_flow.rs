@@ -189,6 +189,20 @@ fn any_number_of_steps_per_frame_is_the_same() {
 }
 
 #[test]
+fn steps_wait_for_their_pipelines() {
+    let mut twins = Twins::new(settings(Advection::SemiLagrangian), basin);
+    // An app whose pipelines nobody has waited for.
+    twins.app = TestApp::gpu(16, 16);
+    twins.pool = twins.app.world_mut().spawn(GpuFlow::default()).id();
+    twins.push(6);
+    twins.frame();
+    twins.push(6);
+    twins.app.warm_up();
+    assert_eq!(twins.surface().map(|surface| surface.step), Some(12));
+    twins.assert_agree(1e-5, "steps that waited");
+}
+
+#[test]
 fn readings_arrive_and_agree() {
     let mut twins = Twins::new(settings(Advection::SemiLagrangian), basin);
     assert_eq!(twins.readings(), PoolReadings::default());
