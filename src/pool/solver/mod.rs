@@ -382,7 +382,7 @@ impl FluidSolver {
     }
 
     /// Tells masks apart, also those of other solvers; a clone has the same mask.
-    #[cfg(feature = "render")]
+    #[cfg_attr(not(feature = "render"), expect(dead_code, reason = "only the GPU copies masks"))]
     pub(crate) fn mask_revision(&self) -> u64 {
         self.mask_revision
     }
