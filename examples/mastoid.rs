@@ -67,7 +67,7 @@ fn main() -> ExitCode {
             app.add_systems(Startup, setup).add_systems(Update, look_at_volume.in_set(LookAtVolume));
             let (args, viewer) = (app.world().resource::<Args>().clone(), app.world().resource::<Stage>().viewer);
             match (args.figure, args.script, viewer) {
-                (Some(_), ..) => return figure::build(app),
+                (Some(number), ..) => return figure::build(app, number),
                 (None, Script::Demo, _) => demo::build(app),
                 (None, Script::None, Viewer::Person) => {
                     app.add_plugins(PanOrbitCameraPlugin);
@@ -149,8 +149,9 @@ fn look_at_volume(
     let longest_m = half_axes_m.iter().fold(0.0_f32, |longest, half| longest.max(2.0 * half.length()));
     let is_a_bone = (0.04..0.06).contains(&longest_m);
     let scale = if is_a_bone { 1.0 } else { 1.25 * longest_m / life_size.field_m() };
-    if args.figure.is_none() {
-        irrigate::add_pool(&mut commands, patient, &place, scale);
+    // Figure 7 is of dry bone.
+    if args.figure != Some(7) {
+        irrigate::add_pool(&mut commands, patient, &place, scale, &args);
     }
     for (entity, mut microscope, mut transform) in &mut microscopes {
         microscope.working_distance_m = life_size.working_distance_m * scale;

@@ -12,10 +12,10 @@ use glam::DVec3;
 /// Half of the side of a cube of bone in a grid of 64^3 voxels of 0.25 mm, voxels.
 const HALF: u32 = 30;
 /// Where its sides lie, metres.
-const SIDE_M: f32 = 7.5e-3;
+pub const SIDE_M: f32 = 7.5e-3;
 
 /// A cube of bone (label 1) with a vessel (label 2) 4 mm under the side at +z.
-fn bone() -> Volume {
+pub fn bone() -> Volume {
     let grid = VolumeGrid::upright(UVec3::splat(64), DVec3::splat(0.25));
     let (mut labels, mut solid) = (vec![0; grid.count()], vec![0; grid.count()]);
     for place in 0..grid.count() as u32 {

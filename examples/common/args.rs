@@ -8,7 +8,7 @@ use std::path::PathBuf;
 /// Where the models' kernels run.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
 pub enum Backend {
-    /// Draw.
+    /// Draw, and move fluid on the GPU.
     Gpu,
     /// Run the models alone: no picture, only the report.
     Cpu,
@@ -53,9 +53,10 @@ pub struct Args {
     /// Seed of everything that is random.
     #[arg(long, value_name = "S", default_value_t = 1)]
     pub seed: u64,
-    /// Where the models' kernels run; cpu also means that nothing is drawn.
-    #[arg(long, value_enum, default_value_t = Backend::Gpu)]
-    pub backend: Backend,
+    /// Where the models' kernels run: gpu also moves the fluid of pools on a software GPU, cpu also means that nothing is drawn.
+    /// Without it everything is drawn, and fluid moves on a GPU where there is a real one.
+    #[arg(long, value_enum)]
+    pub backend: Option<Backend>,
     /// Write the camera's path to this file.
     #[arg(long, value_name = "FILE")]
     pub record: Option<PathBuf>,
@@ -85,8 +86,9 @@ pub struct Args {
     #[arg(long)]
     #[allow(dead_code, reason = "not every example has a microscope")]
     pub monitor: bool,
-    /// Draw a figure of the paper of 2009 with the example mastoid instead of frames: 7, the four ways of shading.
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(7..=7))]
+    /// Draw a figure of the paper of 2009 with the example mastoid instead of frames: 4, where fluid can be; 5, the meniscus; 7, the
+    /// four ways of shading.
+    #[arg(long, value_name = "N", value_parser = parse_figure)]
     pub figure: Option<u32>,
     /// What the examples liver and mastoid do by themselves.
     #[arg(long, value_enum, default_value_t = Script::None)]
@@ -115,4 +117,11 @@ fn parse_size(text: &str) -> Result<UVec2, String> {
         _ => Err(format!("{side} is no number of pixels between 16 and 8192")),
     };
     Ok(UVec2::new(side(width)?, side(height)?))
+}
+
+fn parse_figure(text: &str) -> Result<u32, String> {
+    match text.parse() {
+        Ok(number @ (4 | 5 | 7)) => Ok(number),
+        _ => Err("there are figures 4, 5 and 7".into()),
+    }
 }

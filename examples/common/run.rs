@@ -63,7 +63,7 @@ pub fn main_with(
     count: impl FnOnce(&mut World) -> Map<String, Value>,
 ) -> ExitCode {
     let args = Args::parse();
-    let ran = if args.backend == Backend::Cpu {
+    let ran = if args.backend == Some(Backend::Cpu) {
         run_models(&args, name, add, count)
     } else if graphics_adapters().is_empty() {
         Err("no Vulkan, Metal or DirectX driver was found: run script/bootstrap, or use --backend cpu".into())

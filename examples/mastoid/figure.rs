@@ -1,8 +1,9 @@
-//! Figure 7 of the paper of 2009: one drilled bone, shaded in four ways.
+//! Figures of the paper of 2009, of one drilled cavity: where fluid can be (4), the meniscus (5), four ways of shading (7).
 
 use crate::common::Pictures;
 use crate::{LAMP, LIGHT_CD, LookAtVolume, Patient};
 use bevy::prelude::*;
+use bevy_surgery::pool::{Cavity, PoolLook, PoolSurface, WetMask};
 use bevy_surgery::prelude::*;
 use bevy_surgery::volume::cut::{Burr, BurrPose, BurrStroke};
 use bevy_surgery::volume::{CtVolume, CutVolume, PickedVolume, SmoothedNormals, Volume, VolumeLook, WetShading};
@@ -33,10 +34,61 @@ pub fn shade(look: &mut VolumeLook, number: usize) {
     look.wet = WetShading { is_shaded, smoothed, ..look.wet };
 }
 
-pub fn build(app: &mut App) {
-    app.insert_resource(Pictures(SHADINGS.map(|(name, ..)| name.to_string()).into()))
-        .add_systems(Update, drill_cavity.after(LookAtVolume))
-        .add_systems(FixedUpdate, shade_next.in_set(SurgerySystems::Sense));
+pub fn build(app: &mut App, number: u32) {
+    let pictures: Vec<&str> = match number {
+        4 => vec!["fig4-a", "fig4-b"],
+        5 => vec!["fig5-a", "fig5-b"],
+        _ => SHADINGS.map(|(name, ..)| name).into(),
+    };
+    app.insert_resource(Pictures(pictures.into_iter().map(String::from).collect()))
+        .add_systems(Update, drill_cavity.after(LookAtVolume));
+    match number {
+        4 => app.add_systems(FixedUpdate, paint_mask.in_set(SurgerySystems::Judge)),
+        5 => app.add_systems(FixedUpdate, lay_water.in_set(SurgerySystems::Judge)),
+        _ => app.add_systems(FixedUpdate, shade_next.in_set(SurgerySystems::Sense)),
+    };
+}
+
+/// How far under its rim the cavity is filled, metres.
+const UNDER_RIM_M: f32 = 4e-4;
+
+/// Figure 4: (a) where bone lies below the level, wherever that is; (b) the mask.
+fn paint_mask(mut step: Local<usize>, mut pools: Query<(&Cavity, &mut PoolSurface, &mut PoolLook)>) {
+    for (cavity, mut surface, mut look) in &mut pools {
+        let Some(level_m) = cavity.rim_m().map(|rim_m| rim_m - UNDER_RIM_M) else { continue };
+        let mask = match *step {
+            0 => WetMask::from_fn(cavity.grid(), |cell| cavity.cut_m(cell) < level_m),
+            _ => cavity.mask(level_m),
+        };
+        let mut painted = PoolSurface::calm(*cavity.grid(), level_m, &mask);
+        // Opaque and blue: full of a dust of that colour.
+        painted.texels.iter_mut().for_each(|texel| texel[2] = texel[3]);
+        painted.revision = surface.revision + 1;
+        *surface = painted;
+        *look = PoolLook {
+            dust_colour: Vec3::new(0.02, 0.07, 0.9),
+            dust_scattering_per_m: 1e6,
+            environment_strength: 0.0,
+            meniscus: [0.0; 6],
+            ..default()
+        };
+        *step += 1;
+    }
+}
+
+/// Figure 5: calm water, without a meniscus (a) and with one (b).
+fn lay_water(mut step: Local<usize>, mut pools: Query<(&Cavity, &mut PoolSurface, &mut PoolLook)>) {
+    for (cavity, mut surface, mut look) in &mut pools {
+        let Some(level_m) = cavity.rim_m().map(|rim_m| rim_m - UNDER_RIM_M) else { continue };
+        let mut calm = PoolSurface::calm(*cavity.grid(), level_m, &cavity.mask(level_m));
+        calm.revision = surface.revision + 1;
+        *surface = calm;
+        *look = PoolLook::default();
+        if *step == 0 {
+            look.meniscus = [0.0; 6];
+        }
+        *step += 1;
+    }
 }
 
 /// Drills a cavity at once, without the ECS, and looks at it from near.

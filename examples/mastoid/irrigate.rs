@@ -1,10 +1,11 @@
 //! The other hand: a suction-irrigator beside the burr, and the pool that it fills.
 
+use crate::common::{Args, Backend};
 use crate::drill::Drill;
 use crate::tool;
 use bevy::camera::visibility::RenderLayers;
 use bevy::prelude::*;
-use bevy_surgery::pool::{BleedingControl, Pool, PoolState, SuctionIrrigator, TreatBleeders, WaterBudget};
+use bevy_surgery::pool::{BleedingControl, Pool, PoolBackend, PoolState, SuctionIrrigator, TreatBleeders, WaterBudget};
 use bevy_surgery::prelude::*;
 
 /// Where the tip is held beside the burr, seen from the microscope: to the left and below, metres.
@@ -37,11 +38,16 @@ pub fn build(app: &mut App) {
 }
 
 /// A pool over a bone that has arrived: level under the microscope, and fixed to the bone, so that both turn together.
-pub fn add_pool(commands: &mut Commands, volume: Entity, place: &Transform, scale: f32) {
+pub fn add_pool(commands: &mut Commands, volume: Entity, place: &Transform, scale: f32, args: &Args) {
+    let backend = match args.backend {
+        Some(Backend::Gpu) => PoolBackend::Gpu,
+        Some(Backend::Cpu) => PoolBackend::Cpu,
+        None => PoolBackend::Auto,
+    };
     let wanted = Pool::facing(place.translation, Vec3::Z);
     let local = Transform::from_matrix(place.to_matrix().inverse() * wanted.to_matrix());
     let pool = Pool::new(volume);
-    commands.spawn((Pool { cell_m: pool.cell_m * scale, ..pool }, local, ChildOf(volume)));
+    commands.spawn((Pool { cell_m: pool.cell_m * scale, ..pool }, backend, local, ChildOf(volume)));
 }
 
 fn spawn_tube(

@@ -52,7 +52,7 @@ struct Chip(usize);
 
 pub fn build(app: &mut App) {
     app.init_resource::<Notice>();
-    if app.world().resource::<Args>().backend == Backend::Cpu {
+    if app.world().resource::<Args>().backend == Some(Backend::Cpu) {
         return;
     }
     // Bevy's default plugins bring them along; a headless run has only what it was given.

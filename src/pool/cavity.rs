@@ -1,5 +1,6 @@
 //! What was drilled away under a pool, column by column (paper of 2009, section 4.1).
 
+use super::threads::for_cells;
 use super::{PoolGrid, WetMask};
 use bevy::ecs::component::Component;
 use bevy::ecs::reflect::ReflectComponent;
@@ -158,11 +159,12 @@ impl Cavity {
     /// The cells that hold fluid at a level: where the original bone lies above it and what is left below, without grains of
     /// noise ([`WetMask::without_grains`]).
     pub fn mask(&self, level_m: f32) -> WetMask {
-        let raw = WetMask::within(&self.grid, self.bounds, |cell| {
+        let is_wet = |cell| {
             let place = self.index(cell);
             is_wet(self.original_m[place], self.cut_m[place], level_m)
-        });
-        raw.without_grains()
+        };
+        let area = (self.bounds[1] - self.bounds[0]).element_product() as usize;
+        for_cells(area, || WetMask::within(&self.grid, self.bounds, is_wet).without_grains())
     }
 
     /// What the drilled columns hold up to a level, millilitres.

@@ -1,7 +1,7 @@
 //! A pool in the world.
 
 use super::bleeding::BleedingRules;
-use super::{PoolError, PoolLevel, PoolLook, SolverSettings, WaterBudget};
+use super::{PoolBackend, PoolError, PoolLevel, PoolLook, SolverSettings, WaterBudget};
 use bevy::prelude::*;
 use serde::{Deserialize, Serialize};
 
@@ -16,7 +16,7 @@ use serde::{Deserialize, Serialize};
 /// by [`PoolFault`].
 #[derive(Component, Clone, Copy, Debug, PartialEq, Reflect)]
 #[reflect(Component, Clone)]
-#[require(Transform, PoolLevel, PoolFluid, SolverSettings, BleedingRules, WaterBudget, PoolLook)]
+#[require(Transform, PoolLevel, PoolFluid, PoolBackend, SolverSettings, BleedingRules, WaterBudget, PoolLook)]
 pub struct Pool {
     /// The volume; an entity with a [`CtVolume`](crate::volume::CtVolume).
     pub volume: Entity,

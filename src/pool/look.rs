@@ -76,7 +76,7 @@ impl Default for PoolLook {
             blood_absorption_per_m: Vec3::new(250.0, 5200.0, 4300.0),
             blood_scattering_per_m: 500.0,
             dust_scattering_per_m: 2500.0,
-            blood_colour: Vec3::new(0.4, 0.12, 0.1),
+            blood_colour: Vec3::new(0.33, 0.07, 0.055),
             dust_colour: Vec3::new(0.72, 0.66, 0.55),
             water_index: 1.33,
             blood_index: 1.39,

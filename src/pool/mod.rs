@@ -7,6 +7,7 @@
 //! - A [`FluidSolver`] moves velocity and what is dissolved, on the processor and the same on any number of threads.
 //! - Burrs stir it, a [`SuctionIrrigator`] irrigates and sucks, a [`Bleeder`] bleeds into it.
 
+mod backend;
 mod bleeding;
 mod cavity;
 mod columns;
@@ -24,8 +25,10 @@ mod solver;
 mod source;
 mod step;
 mod surface;
+mod threads;
 mod water;
 
+pub use backend::PoolBackend;
 pub use bleeding::{Bleeder, BleedingControl, BleedingRules, TreatBleeders, VesselOpened};
 pub use cavity::{Cavity, NO_BONE_M};
 pub use component::{FoamPatch, MAX_FOAM, Pool, PoolFault, PoolFluid, PoolState};
@@ -82,6 +85,7 @@ impl Plugin for PoolPlugin {
             .register_type::<SuctionGurgled>()
             .add_message::<SuctionGurgled>();
         app.init_resource::<SurgeryGravity>();
+        backend::build(app);
         bleeding::build(app);
         app.add_systems(
             FixedUpdate,

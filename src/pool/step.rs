@@ -1,5 +1,6 @@
 //! One step of a pool: what flows in and out, how high it stands, what acts on it.
 
+use super::backend::{Known, OnGpu, advance};
 use super::bleeding::{Bleeder, BleedingRules};
 use super::columns::Measured;
 use super::component::{FoamPatch, MAX_FOAM, Pool, PoolFluid, PoolState};
@@ -44,6 +45,7 @@ type Flowing = (
     &'static mut PoolState,
     &'static mut Shown,
     &'static mut PoolSurface,
+    OnGpu,
 );
 type Tool = (Entity, &'static SuctionIrrigator, &'static mut SuctionState);
 
@@ -253,8 +255,19 @@ pub(super) fn flow(mut pools: Query<Flowing>, mut acting: Acting, time: Res<Time
     for (_, _, mut suction) in &mut acting.tools {
         suction.set_if_neq(SuctionState::default());
     }
-    for (entity, pool, measured, cavity, settings, mut fluid, mut water, mut state, mut shown, mut surface) in
-        &mut pools
+    for (
+        entity,
+        pool,
+        measured,
+        cavity,
+        settings,
+        mut fluid,
+        mut water,
+        mut state,
+        mut shown,
+        mut surface,
+        mut on_gpu,
+    ) in &mut pools
     {
         let (level, mixing, solver, rules) = settings;
         let Ok(place) = acting.places.compute_global_transform(entity) else { continue };
@@ -304,15 +317,21 @@ pub(super) fn flow(mut pools: Query<Flowing>, mut acting: Acting, time: Res<Time
 
         find_level(&mut state, &mut step, &mut shown, measured.revision, level);
         let level_m = state.level_m.unwrap_or_default();
-        wet(&mut fluid, &mut state, &mut shown, cavity, measured.revision, level_m);
+        let is_new_mask = wet(&mut fluid, &mut state, &mut shown, cavity, measured.revision, level_m);
 
         state.foam = age_foam(&state.foam, std::mem::take(&mut step.foam), mixing, step_s);
         mix(&fluid, &mut step, &mut state, &mut shown, mixing);
-        fluid.step_with(step_s, solver, &step.action);
-        read(&fluid, cavity, &mut state, &shown, mixing);
+        let gravity_m_s2 = gravity.world_m_per_s2.length();
+        let hidden_from = mixing.hidden_from;
+        let known = advance(&mut fluid, &mut on_gpu, step_s, solver, &step.action, hidden_from, gravity_m_s2);
+        read(&fluid, cavity, &known, &mut state, &shown, mixing);
         state.steps += 1;
         if state.wet_cells > 0 || !surface.wet_tiles.is_empty() {
-            surface.update(&fluid, level_m, step_s, gravity.world_m_per_s2.length());
+            // The GPU writes the surfaces of pools that it moves; it is told which tiles there are.
+            if known.is_on_processor || is_new_mask {
+                surface.update(&fluid, level_m, step_s, gravity_m_s2);
+            }
+            surface.level_m = level_m;
             surface.foam.clone_from(&state.foam);
         }
     }
@@ -368,18 +387,26 @@ fn find_level(state: &mut PoolState, step: &mut Step, shown: &mut Shown, columns
     }
 }
 
-/// A new mask where the cavity or the level has changed.
-fn wet(fluid: &mut FluidSolver, state: &mut PoolState, shown: &mut Shown, cavity: &Cavity, columns: u64, level_m: f32) {
+/// A new mask where the cavity or the level has changed; whether it has.
+fn wet(
+    fluid: &mut FluidSolver,
+    state: &mut PoolState,
+    shown: &mut Shown,
+    cavity: &Cavity,
+    columns: u64,
+    level_m: f32,
+) -> bool {
     let is_same =
         shown.columns == columns && shown.mask_level_m.is_some_and(|shown_m| (shown_m - level_m).abs() < LEVEL_STEP_M);
     if is_same {
-        return;
+        return false;
     }
     let mask = cavity.mask(level_m);
     state.wet_cells = mask.count() as u32;
     // The sizes are the same: both are the grid's.
     let _ = fluid.set_mask(&mask);
     (shown.columns, shown.mask_level_m) = (columns, Some(level_m));
+    true
 }
 
 fn age_foam(old: &[FoamPatch], fresh: Vec<FoamPatch>, mixing: &PoolFluid, step_s: f32) -> Vec<FoamPatch> {
@@ -470,17 +497,18 @@ fn nearest_wet(fluid: &FluidSolver, place_m: Vec2) -> Vec2 {
 }
 
 /// What scores and panels want to know.
-fn read(fluid: &FluidSolver, cavity: &Cavity, state: &mut PoolState, shown: &Shown, mixing: &PoolFluid) {
-    state.blood_ml = fluid.total(Dissolved::Blood) * shown.cell_ml;
-    let mut hidden = 0_u32;
-    if state.blood_ml > 0.0 {
+fn read(fluid: &FluidSolver, cavity: &Cavity, known: &Known, state: &mut PoolState, shown: &Shown, mixing: &PoolFluid) {
+    state.blood_ml = known.blood * shown.cell_ml;
+    let hidden = known.hidden_cells.unwrap_or_else(|| {
+        if known.blood <= 0.0 {
+            return 0.0;
+        }
         // The mask reaches a cell beyond what is drilled; that one hides nothing.
         let [low, high] = cavity.bounds();
-        for y in low.y..high.y {
-            for x in low.x..high.x {
-                hidden += u32::from(fluid.share(Dissolved::Blood, UVec2::new(x, y)) >= mixing.hidden_from);
-            }
-        }
-    }
-    state.hidden_share = if state.field_cells > 0 { (hidden as f32 / state.field_cells as f32).min(1.0) } else { 0.0 };
+        let rows = (low.y..high.y).map(|y| {
+            (low.x..high.x).filter(|x| fluid.share(Dissolved::Blood, UVec2::new(*x, y)) >= mixing.hidden_from).count()
+        });
+        rows.sum::<usize>() as f32
+    });
+    state.hidden_share = if state.field_cells > 0 { (hidden / state.field_cells as f32).min(1.0) } else { 0.0 };
 }

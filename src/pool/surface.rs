@@ -3,6 +3,7 @@
 use super::component::{FoamPatch, MAX_FOAM};
 use super::look::PoolLook;
 use super::solver::FluidSolver;
+use super::threads::for_cells;
 use super::{PoolGrid, WetMask};
 use bevy::prelude::*;
 use half::f16;
@@ -71,33 +72,37 @@ impl PoolSurface {
         let [of_blood, of_dust] = solver.share_factors();
         let mm_per_pressure = 1e3 * solver.height_per_pressure_m(step_s, gravity_m_s2);
         // A row of tiles at a time, and of it only the tiles in which there is or was fluid.
+        let cells = self.wet_tiles.len() * tile * tile;
         let rows = self.texels.par_chunks_mut(width * tile).enumerate();
-        rows.for_each(|(tile_y, texels)| {
-            for (row, texels) in texels.chunks_mut(width).enumerate() {
-                let [wet, pressure, blood, dust] = solver.row((tile_y * tile + row) as u32);
-                for start in (0..width).step_by(tile) {
-                    let cells = start..(start + tile).min(width);
-                    let texels = &mut texels[cells.clone()];
-                    let wet = &wet[cells.clone()];
-                    if wet.iter().all(|wet| *wet == 0.0) {
-                        texels.fill([0; 4]);
-                        continue;
-                    }
-                    let shares = blood[cells.clone()].iter().zip(&dust[cells.clone()]);
-                    let numbers = pressure[cells].iter().zip(shares);
-                    for ((texel, wet), (pressure, (blood, dust))) in texels.iter_mut().zip(wet).zip(numbers) {
-                        let half = |number: f32| f16::from_f32(number * wet).to_bits();
-                        *texel = [
-                            half(pressure * mm_per_pressure),
-                            half(*blood * of_blood),
-                            half(*dust * of_dust),
-                            half(1.0),
-                        ];
+        let fill = || {
+            rows.for_each(|(tile_y, texels)| {
+                for (row, texels) in texels.chunks_mut(width).enumerate() {
+                    let [wet, pressure, blood, dust] = solver.row((tile_y * tile + row) as u32);
+                    for start in (0..width).step_by(tile) {
+                        let cells = start..(start + tile).min(width);
+                        let texels = &mut texels[cells.clone()];
+                        let wet = &wet[cells.clone()];
+                        if wet.iter().all(|wet| *wet == 0.0) {
+                            texels.fill([0; 4]);
+                            continue;
+                        }
+                        let shares = blood[cells.clone()].iter().zip(&dust[cells.clone()]);
+                        let numbers = pressure[cells].iter().zip(shares);
+                        for ((texel, wet), (pressure, (blood, dust))) in texels.iter_mut().zip(wet).zip(numbers) {
+                            let half = |number: f32| f16::from_f32(number * wet).to_bits();
+                            *texel = [
+                                half(pressure * mm_per_pressure),
+                                half(*blood * of_blood),
+                                half(*dust * of_dust),
+                                half(1.0),
+                            ];
+                        }
                     }
                 }
-            }
-        });
-        self.find_tiles();
+            })
+        };
+        for_cells(cells, fill);
+        for_cells(cells, || self.find_tiles());
     }
 
     /// Whether its numbers fit together, so that it can be drawn.

@@ -6,6 +6,8 @@ pub mod flow;
 pub use composite::{PoolTextures, PoolUniform};
 
 use bevy::prelude::*;
+use bevy::render::{Render, RenderApp, RenderSystems};
+use flow::FlowSurfaces;
 
 /// The surface of pools over everything opaque, drawn between the shadows of tools and Bevy's transparent pass: what is under it
 /// is seen through it. It leaves the depth as it is.
@@ -20,9 +22,23 @@ impl Plugin for PoolRenderPlugin {
     fn build(&self, app: &mut App) {
         composite::build(app);
         flow::build(app);
+        let Some(render_app) = app.get_sub_app_mut(RenderApp) else { return };
+        render_app.add_systems(
+            Render,
+            show_flow
+                .in_set(RenderSystems::PrepareResources)
+                .after(flow::PrepareFlow)
+                // What the GPU has is not uploaded.
+                .before(composite::WriteSurfaces),
+        );
     }
 
     fn finish(&self, app: &mut App) {
         flow::finish(app);
     }
+}
+
+/// Pools that the GPU moves are drawn as it left them.
+fn show_flow(mut textures: ResMut<PoolTextures>, surfaces: Res<FlowSurfaces>) {
+    textures.supply(surfaces.0.iter().map(|(entity, surface)| (*entity, surface.view.clone())));
 }

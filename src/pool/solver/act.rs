@@ -31,8 +31,9 @@ fn add_velocity(
         let in_reach = field.rows_mut().enumerate().skip(low.y as usize).take(rows);
         in_reach.with_min_len(rows_at_once(columns.len().max(1))).for_each(|(y, row)| {
             let open = open.row(y as isize);
-            for x in columns.clone() {
-                // Sides beyond the last column are closed, and not in the row.
+            // Open sides lie in spans.
+            let wet = places.spans.of_row(y).iter();
+            for x in wet.flat_map(|span| span.start.max(columns.start)..span.end.min(columns.end)) {
                 if open[FRAME + x] > 0.0 {
                     let mut place_m = grid.pool_from_cell(UVec2::new(x as u32, y as u32));
                     place_m[axis] -= half_m;
@@ -55,8 +56,11 @@ pub(super) fn push(
         return;
     }
     add_velocity(velocity, grid, places, source, SOURCE_REACH, |offset_m, place_m| {
-        let stir = source.stir_m_s * noise.at(place_m + source.stir_offset_m);
-        source.weight(offset_m) * (source.push_m_s + stir)
+        let weight = source.weight(offset_m);
+        if weight == 0.0 || source.stir_m_s == 0.0 {
+            return weight * source.push_m_s;
+        }
+        weight * (source.push_m_s + source.stir_m_s * noise.at(place_m + source.stir_offset_m))
     });
 }
 

@@ -18,6 +18,7 @@ mod wave;
 #[cfg(target_arch = "x86_64")]
 mod x86;
 
+use super::threads::for_cells;
 use super::{FluidAction, FluidSource, PoolError, PoolGrid, StepAmounts, StirNoise, WetMask};
 use advect::Flow;
 use bevy::ecs::component::Component;
@@ -131,7 +132,7 @@ impl FluidSolver {
             vectors: Vectors::best(),
             mask: WetMask::from_fn(&grid, |_| true),
             places: Places::new(grid.size()),
-            mask_revision: 0,
+            mask_revision: MASKS.fetch_add(1, Ordering::Relaxed),
             velocity: [field(), field()],
             dissolved: [field(), field()],
             factors: [1.0; 2],
@@ -166,7 +167,8 @@ impl FluidSolver {
         let differs = |y: &usize| self.mask.row(*y) != mask.row(*y);
         let Some(first) = (0..height).find(differs) else { return Ok([0.0; 2]) };
         let last = (first..height).rfind(differs).unwrap_or(first);
-        Ok(self.wet(mask, first..last + 1))
+        let rows = first..last + 1;
+        Ok(for_cells(rows.len() * mask.size().x as usize / 4, || self.wet(mask, rows)))
     }
 
     /// Fluid is where a mask says that differs in some rows only; returns what was dissolved in cells that became walls.
@@ -293,8 +295,7 @@ impl FluidSolver {
         if !(step_s > 0.0 && step_s.is_finite()) {
             return StepAmounts::default();
         }
-        // Once into the threads' pool, and not at each of the many passes.
-        rayon::scope(|_| self.step_in_threads(step_s, settings, action))
+        for_cells(self.places.spans.cells(), || self.step_in_threads(step_s, settings, action))
     }
 
     /// The noise with which sources stir.

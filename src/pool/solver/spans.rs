@@ -36,6 +36,11 @@ impl Spans {
         Self { rows: vec![Vec::new(); rows], columns: 0..0, before: vec![0; rows + 1] }
     }
 
+    /// Cells of all spans.
+    pub fn cells(&self) -> usize {
+        self.before.last().copied().unwrap_or_default()
+    }
+
     /// The spans of a row of cells.
     pub fn of_row(&self, y: usize) -> &[Span] {
         &self.rows[y]

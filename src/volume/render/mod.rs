@@ -6,6 +6,7 @@
 mod extract;
 mod gpu;
 mod pass;
+mod patches;
 mod pipelines;
 mod redraws;
 mod scene;

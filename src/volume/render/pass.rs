@@ -60,7 +60,7 @@ impl Drawing<'_> {
         key: PipelineKey,
         into: &[(&TextureView, LinearRgba)],
         clears: bool,
-        pixels: URect,
+        patches: &[URect],
         group_1: &BindGroup,
         group_2: &BindGroup,
         vertices: Option<&(Buffer, u32)>,
@@ -89,17 +89,20 @@ impl Drawing<'_> {
             multiview_mask: None,
         });
         let span = diagnostics.pass_span(&mut pass, label);
-        if !pixels.is_empty() {
+        let patches = patches.iter().filter(|pixels| !pixels.is_empty());
+        for (k, &pixels) in patches.enumerate() {
             match key {
                 PipelineKey::March { .. } | PipelineKey::Slices { .. } => self.redraws.add_walked(pixels),
                 PipelineKey::Wet => self.redraws.add_shaded(pixels),
                 _ => {}
             }
+            if k == 0 {
+                pass.set_render_pipeline(pipeline);
+                pass.set_bind_group(0, self.view_group, &[self.view_offset]);
+                pass.set_bind_group(1, group_1, &[self.volume.offset]);
+                pass.set_bind_group(2, group_2, &[]);
+            }
             pass.set_scissor_rect(pixels.min.x, pixels.min.y, pixels.width(), pixels.height());
-            pass.set_render_pipeline(pipeline);
-            pass.set_bind_group(0, self.view_group, &[self.view_offset]);
-            pass.set_bind_group(1, group_1, &[self.volume.offset]);
-            pass.set_bind_group(2, group_2, &[]);
             match vertices {
                 Some((buffer, count)) => {
                     pass.set_vertex_buffer(0, buffer.slice(..));
@@ -140,8 +143,8 @@ impl Drawing<'_> {
             None => {
                 let key = PipelineKey::March { multisampled, own_colours };
                 let into = [(&buffers.colour, none), relief, depth];
-                let pixels = volume.walk;
-                self.pass(ctx, "volume_march", key, &into, volume.is_all, pixels, &walk_group, &scene_group, None);
+                let pixels = volume.walk.disjoint();
+                self.pass(ctx, "volume_march", key, &into, volume.is_all, &pixels, &walk_group, &scene_group, None);
             }
             Some((gradients, depths)) => {
                 // Blending cannot be taken back: all slices are drawn again.
@@ -149,7 +152,7 @@ impl Drawing<'_> {
                 let into = [(&buffers.colour, none), (gradients, none), (depths, none)];
                 let pixels = if volume.slices.is_some() { volume.seen } else { URect::EMPTY };
                 let slices = volume.slices.as_ref();
-                self.pass(ctx, "volume_slices", key, &into, true, pixels, &walk_group, &scene_group, slices);
+                self.pass(ctx, "volume_slices", key, &into, true, &[pixels], &walk_group, &scene_group, slices);
                 let sums = self.inputs([&buffers.colour, gradients, depths]);
                 let into = [relief, depth];
                 self.pass(
@@ -158,7 +161,7 @@ impl Drawing<'_> {
                     PipelineKey::Resolve,
                     &into,
                     true,
-                    volume.seen,
+                    &[volume.seen],
                     self.plane_group,
                     &sums,
                     None,
@@ -184,7 +187,7 @@ impl Drawing<'_> {
                 PipelineKey::Smooth,
                 &[(into, NOTHING)],
                 clears,
-                self.volume.smoothed_by(k),
+                &[self.volume.smoothed_by(k)],
                 self.plane_group,
                 &group,
                 None,
@@ -204,7 +207,7 @@ impl Drawing<'_> {
             PipelineKey::Wet,
             &[(&buffers.lit, LinearRgba::NONE)],
             self.volume.is_all,
-            pixels,
+            &[pixels],
             self.plane_group,
             &group,
             None,

@@ -1,6 +1,7 @@
 //! What each view keeps of each volume, and what of it must be drawn anew.
 
 use super::extract::{ExtractedVolume, ExtractedVolumes};
+use super::patches::Patches;
 use super::pipelines::VolumePipelines;
 use super::scene::SceneChanges;
 use super::uniform::{Rays, VolumeUniform, depth_projection, near_m};
@@ -75,7 +76,7 @@ pub(super) struct VolumeView {
     /// Where the volume can be seen, pixels of the viewport.
     pub seen: URect,
     /// Pixels to walk again; `is_all` if the buffers are cleared first.
-    pub walk: URect,
+    pub walk: Patches,
     pub is_all: bool,
     /// Pixels to shade again.
     pub shade: URect,
@@ -215,7 +216,7 @@ pub(super) fn prepare_views(
         touched.extend(before.remove(&entity).unwrap_or_default().into_iter().map(|(volume, was)| (volume, was.seen)));
         for (volume, mut now, shade_key, is_ready, uniform) in drawn {
             for (_, pixels) in touched.iter().filter(|(other, _)| *other != volume.entity) {
-                now.walk = united(now.walk, pixels.intersect(now.seen));
+                now.walk.add(pixels.intersect(now.seen));
             }
             now.decide_shade(volume, &seen, shade_key);
             // What could not be drawn yet is drawn in a later frame.
@@ -330,7 +331,7 @@ impl VolumeView {
             viewport: URect::EMPTY,
             passes: 0,
             seen: URect::EMPTY,
-            walk: URect::EMPTY,
+            walk: Patches::default(),
             is_all: false,
             shade: URect::EMPTY,
             slices: None,
@@ -350,30 +351,33 @@ impl VolumeView {
         let (low, high) = volume.bounds;
         let was_seen = std::mem::replace(&mut self.seen, view.of_box(volume.world_from_voxel, low, high));
         self.is_all = volume.is_all_new || self.walk_key.as_ref() != Some(&walk_key);
-        let mut walk = URect::EMPTY;
+        let mut walk = Patches::default();
         if self.is_all {
-            walk = self.seen;
+            walk.add(self.seen);
         } else {
             for of in &volume.cut {
                 // The gradients around it changed too, and samples are interpolated.
                 let (low, high) = (of.min.as_vec3() - 2.5, of.max.as_vec3() + 1.5);
-                walk = united(walk, view.of_box(volume.world_from_voxel, low, high));
+                walk.add(view.of_box(volume.world_from_voxel, low, high));
             }
             if changes.everywhere {
-                walk = self.seen;
+                walk.add(self.seen);
             }
             for &(world_from_mesh, low, high) in &changes.boxes {
-                let moved = view.of_box(world_from_mesh, low, high);
-                walk = united(walk, moved.intersect(self.seen));
+                // A long tool that lies askew takes little of the rectangle around it.
+                for (low, high) in slices_of(world_from_mesh, low, high) {
+                    walk.add(view.of_box(world_from_mesh, low, high).intersect(self.seen));
+                }
             }
             // What was cut or restored may lie beyond what is seen now.
-            walk = walk.intersect(view.all());
+            walk.clip(view.all());
         }
+        let bounds = walk.bounds();
         self.walk = walk;
         (self.method, self.own_colours) = (volume.look.method, volume.own_colours);
         (self.multisampled, self.viewport) = (walk_key.samples > 1, walk_key.viewport);
         self.walk_key = Some(walk_key);
-        if self.is_all { united(was_seen, walk) } else { walk }
+        if self.is_all { united(was_seen, bounds) } else { bounds }
     }
 
     /// Decides which pixels are smoothed and shaded anew, once it is known which are walked.
@@ -381,7 +385,7 @@ impl VolumeView {
         let wet = &volume.look.wet;
         let passes = if wet.smoothed == SmoothedNormals::None { 0 } else { wet.passes };
         let shades_all = self.is_all || self.shade_key.as_ref() != Some(&shade_key);
-        self.shade = if shades_all { view.all() } else { grown(self.walk, passes, view.all()) };
+        self.shade = if shades_all { view.all() } else { grown(self.walk.bounds(), passes, view.all()) };
         (self.passes, self.shade_key) = (passes, Some(shade_key));
     }
 
@@ -390,6 +394,23 @@ impl VolumeView {
         let all = URect { min: UVec2::ZERO, max: self.viewport.size() };
         grown(self.shade, self.passes - 1 - k, all).intersect(grown(self.seen, self.passes, all))
     }
+}
+
+/// A box cut across its longest side into parts that are about as long as they are wide, or into some.
+fn slices_of(world_from_mesh: Mat4, low: Vec3, high: Vec3) -> impl Iterator<Item = (Vec3, Vec3)> {
+    const MOST: f32 = 12.0;
+    let sides_m: [f32; 3] =
+        std::array::from_fn(|axis| world_from_mesh.col(axis).truncate().length() * (high[axis] - low[axis]));
+    let axis = (0..3).fold(0, |longest, axis| if sides_m[axis] > sides_m[longest] { axis } else { longest });
+    let wide_m = (0..3).filter(|other| *other != axis).fold(0.0, |wide: f32, other| wide.max(sides_m[other]));
+    // Also 1 for what is not a number.
+    let count = (sides_m[axis] / wide_m.max(1e-9)).round().clamp(1.0, MOST).max(1.0);
+    (0..count as u32).map(move |k| {
+        let at = |k: u32| low[axis] + (high[axis] - low[axis]) * (k as f32 / count);
+        let (mut from, mut to) = (low, high);
+        (from[axis], to[axis]) = (at(k), at(k + 1));
+        (from, to)
+    })
 }
 
 /// Greatest number of a sample plane. Single precision does not tell all whole numbers beyond apart, and a ray that counts them

@@ -23,6 +23,10 @@ use bevy::core_pipeline::schedule::{Core3d, Core3dSystems};
 use bevy::prelude::*;
 use bevy::render::{ExtractSchedule, GpuResourceAppExt, Render, RenderApp, RenderStartup, RenderSystems};
 
+/// In `PrepareResources`: texels of pools go to the GPU.
+#[derive(SystemSet, Debug, Clone, Copy, PartialEq, Eq, Hash)]
+pub(super) struct WriteSurfaces;
+
 pub(super) fn build(app: &mut App) {
     let Some(render_app) = app.get_sub_app_mut(RenderApp) else { return };
     render_app
@@ -42,7 +46,7 @@ pub(super) fn build(app: &mut App) {
         .add_systems(
             Render,
             (
-                textures::write_textures.in_set(RenderSystems::PrepareResources),
+                textures::write_textures.in_set(WriteSurfaces).in_set(RenderSystems::PrepareResources),
                 views::prepare_views.in_set(RenderSystems::PrepareBindGroups),
             ),
         )

@@ -28,11 +28,10 @@ pub struct PoolTextures {
 }
 
 impl PoolTextures {
-    /// From now on a pool's texels are those of a texture that the GPU writes: `Rgba16Float`, a texel for each cell of its grid,
-    /// as in [`PoolSurface::texels`](crate::pool::PoolSurface). To be called before
-    /// [`RenderSystems::PrepareBindGroups`](bevy::render::RenderSystems). The tiles stay those of the component.
-    pub fn supply(&mut self, pool: MainEntity, view: TextureView) {
-        self.made.insert(pool, view);
+    /// The texels of these pools are those of textures that the GPU writes: `Rgba16Float`, a texel for each cell of its grid, as in
+    /// [`PoolSurface::texels`](crate::pool::PoolSurface). The tiles stay those of the component.
+    pub(in crate::pool::render) fn supply(&mut self, made: impl Iterator<Item = (MainEntity, TextureView)>) {
+        self.made = made.collect();
     }
 
     /// The texels of a pool, and its tiles (`[u32; 2]` each) with their number.

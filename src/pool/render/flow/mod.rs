@@ -1,10 +1,10 @@
 //! The flow of a pool on the GPU: compute kernels that do what [`FluidSolver`](crate::pool::FluidSolver) does, to within rounding.
 //!
-//! - An entity with [`GpuFlow`] is moved by the GPU. Its [`FluidSolver`](crate::pool::FluidSolver) stays as the holder of grid,
+//! - A [`Pool`](crate::pool::Pool) with [`GpuFlow`] is moved by the GPU: see [`PoolBackend`](crate::pool::PoolBackend). Its [`FluidSolver`](crate::pool::FluidSolver) stays as the holder of grid,
 //!   mask and noise, and is not stepped.
 //! - [`GpuFlow::push`] queues a step. The render world takes none, one or several of them per frame, in their order, before the
 //!   cameras are drawn; while pipelines are being made they wait.
-//! - Passes sample [`PoolSurface`]. What the model wants to know comes back some frames later as [`PoolReadings`].
+//! - Passes sample [`FlowSurface`]. What the model wants to know comes back some frames later as [`PoolReadings`].
 //! - The fluid begins at rest with nothing dissolved, also after the grid became another. A new mask keeps what is in cells that
 //!   stay wet.
 //!
@@ -22,27 +22,30 @@ mod state;
 mod uniform;
 
 pub use command::{GpuFlow, MAX_WAITING_STEPS};
-pub use pass::{FlowFields, PoolSurface, PoolSurfaces};
+pub use pass::{FlowFields, FlowSurface, FlowSurfaces};
 pub use readings::PoolReadings;
 pub use uniform::{FlowSource, FlowUniform};
 
-use crate::pool::{FluidSolver, SolverSettings};
-use crate::schedule::SurgerySystems;
 use bevy::core_pipeline::schedule::camera_driver;
 use bevy::prelude::*;
 use bevy::render::render_resource::{DownlevelFlags, TextureFormat, TextureUsages};
 use bevy::render::renderer::{RenderAdapter, RenderDevice, RenderGraph, RenderGraphSystems};
 use bevy::render::{ExtractSchedule, GpuResourceAppExt, Render, RenderApp, RenderStartup, RenderSystems};
 
+/// In `PrepareResources`: rooms for the fields of pools.
+#[derive(SystemSet, Debug, Clone, Copy, PartialEq, Eq, Hash)]
+pub(super) struct PrepareFlow;
+
+/// In `PreUpdate`: pools whose device cannot move them go back to the processor.
+#[derive(SystemSet, Debug, Clone, Copy, PartialEq, Eq, Hash)]
+pub(in crate::pool) struct RefuseFlow;
+
 /// Whether the render world has what the kernels need.
 #[derive(Resource)]
 struct FlowSupport(Result<(), String>);
 
 pub(super) fn build(app: &mut App) {
-    app.register_type::<GpuFlow>()
-        .register_type::<PoolReadings>()
-        .add_systems(PreUpdate, refuse)
-        .add_systems(FixedUpdate, queue_steps.in_set(SurgerySystems::Flow));
+    app.register_type::<GpuFlow>().register_type::<PoolReadings>().add_systems(PreUpdate, refuse.in_set(RefuseFlow));
     let sender = readings::build(app);
     if app.get_sub_app(RenderApp).is_none() {
         return;
@@ -52,13 +55,13 @@ pub(super) fn build(app: &mut App) {
         .insert_resource(sender)
         .init_resource::<extract::FlowQueues>()
         .init_gpu_resource::<pass::FlowPools>()
-        .init_gpu_resource::<PoolSurfaces>()
+        .init_gpu_resource::<FlowSurfaces>()
         .add_systems(RenderStartup, kernels::init_pipelines)
         .add_systems(ExtractSchedule, extract::extract_steps)
         .add_systems(
             Render,
             (
-                pass::prepare_pools.in_set(RenderSystems::PrepareResources),
+                pass::prepare_pools.in_set(PrepareFlow).in_set(RenderSystems::PrepareResources),
                 pass::map_readings.in_set(RenderSystems::Cleanup),
             ),
         )
@@ -106,12 +109,5 @@ fn refuse(
             tracing::warn!("pools are moved by the processor: {reason}");
         }
         commands.entity(pool).remove::<GpuFlow>();
-    }
-}
-
-/// Pools that nothing acts on flow on.
-fn queue_steps(mut pools: Query<(&mut GpuFlow, &FluidSolver, &SolverSettings)>, time: Res<Time>) {
-    for (mut flow, fluid, settings) in &mut pools {
-        flow.push(fluid, time.delta_secs(), settings, &default());
     }
 }

@@ -16,7 +16,7 @@ use std::collections::BTreeMap;
 
 /// What passes sample of a pool.
 #[derive(Clone, Debug)]
-pub struct PoolSurface {
+pub struct FlowSurface {
     /// `Rgba16Float`, a texel per cell, rows of the pool in order: height of the surface above its mean in millimetres, shares
     /// of blood and dust, 1 where there is fluid. All 0 elsewhere.
     pub texture: Texture,
@@ -48,7 +48,7 @@ pub struct FlowFields {
 
 /// The surfaces of all pools that the GPU moves, by main entity (render world). Those of this frame are drawn before its cameras.
 #[derive(Resource, Default)]
-pub struct PoolSurfaces(pub BTreeMap<MainEntity, PoolSurface>);
+pub struct FlowSurfaces(pub BTreeMap<MainEntity, FlowSurface>);
 
 /// Fields of all pools.
 #[derive(Resource, Default)]
@@ -57,7 +57,7 @@ pub(super) struct FlowPools(BTreeMap<MainEntity, FlowState>);
 /// Makes room for new pools and drops that of old ones.
 pub(super) fn prepare_pools(
     mut pools: ResMut<FlowPools>,
-    mut surfaces: ResMut<PoolSurfaces>,
+    mut surfaces: ResMut<FlowSurfaces>,
     mut queues: ResMut<FlowQueues>,
     device: Res<RenderDevice>,
 ) {
@@ -73,7 +73,7 @@ pub(super) fn prepare_pools(
             let state = FlowState::new(&device, &mask);
             let (texture, view) = (state.surface.clone(), state.surface_view.clone());
             let fields = state.fields(mask.stride);
-            surfaces.0.insert(*entity, PoolSurface { texture, view, size, step: 0, fields });
+            surfaces.0.insert(*entity, FlowSurface { texture, view, size, step: 0, fields });
             pools.0.insert(*entity, state);
         }
     }
@@ -82,7 +82,7 @@ pub(super) fn prepare_pools(
 
 pub(super) fn run_steps(
     mut pools: ResMut<FlowPools>,
-    mut surfaces: ResMut<PoolSurfaces>,
+    mut surfaces: ResMut<FlowSurfaces>,
     mut queues: ResMut<FlowQueues>,
     pipelines: Option<Res<FlowPipelines>>,
     cache: Res<PipelineCache>,
