@@ -56,25 +56,24 @@ fn spawn_tube(
     materials: Option<ResMut<Assets<StandardMaterial>>>,
 ) {
     let place = (Tube, SuctionIrrigator::default(), Transform::from_xyz(0.0, 0.0, 1.0));
-    let mut tube = commands.spawn(place);
+    let tube = commands.spawn(place).id();
     // Without a renderer there is nothing to see.
     let (Some(mut meshes), Some(mut materials)) = (meshes, materials) else { return };
-    let outline = [(0.55, 0.0), (0.9, 0.0), (1.0, 0.4), (1.15, 30.0), (2.0, 42.0), (3.2, 50.0), (3.2, 110.0)];
-    let mesh = tool::revolve(&outline.map(|(radius, height)| Vec2::new(radius, height)), 0.0)
-        .rotated_by(Quat::from_rotation_arc(Vec3::Y, Vec3::Z));
+    let pipe = [(0.55, 0.0), (0.9, 0.0), (1.0, 0.4), (1.15, 30.0)];
+    let handle = [(1.15, 30.0), (2.0, 42.0), (3.2, 50.0), (3.2, 110.0)];
     let steel = StandardMaterial {
         base_color: Color::srgb(0.5, 0.53, 0.57),
         metallic: 0.5,
         perceptual_roughness: 0.3,
         ..default()
     };
-    tube.insert((
-        Mesh3d(meshes.add(mesh)),
-        MeshMaterial3d(materials.add(steel)),
-        ToolShadow,
-        RenderLayers::layer(1),
-        Visibility::Hidden,
-    ));
+    let steel = MeshMaterial3d(materials.add(steel));
+    commands.entity(tube).insert(Visibility::Hidden);
+    for outline in [pipe, handle] {
+        let mesh = tool::revolve_mm(&outline).rotated_by(Quat::from_rotation_arc(Vec3::Y, Vec3::Z));
+        let piece = (Mesh3d(meshes.add(mesh)), steel.clone(), ToolShadow, RenderLayers::layer(1));
+        commands.spawn((piece, ChildOf(tube)));
+    }
 }
 
 /// Holds the tip beside the burr, over the bone there.

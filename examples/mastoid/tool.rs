@@ -31,24 +31,33 @@ fn spawn_drill(
     // Without a renderer there is nothing to see.
     let (Some(mut meshes), Some(mut materials)) = (meshes, materials) else { return };
     // Radius and height of the shaft, millimetres: a thin neck, the collar, the handle.
-    let outline =
-        [(0.0, 0.0), (0.75, 0.0), (1.1, 24.0), (2.2, 34.0), (3.6, 37.0), (4.6, 52.0), (5.5, 120.0), (0.0, 120.0)];
-    let handle = revolve(&outline.map(|(radius, height)| Vec2::new(radius, height)), 0.0);
+    // In two pieces, because bone is drawn again where the box around a mesh moves, and the neck is thin.
+    let neck = [(0.0, 0.0), (0.75, 0.0), (1.1, 24.0), (2.2, 34.0)];
+    let handle = [(2.2, 34.0), (3.6, 37.0), (4.6, 52.0), (5.5, 120.0), (0.0, 120.0)];
+    let mut turned = |outline: &[(f32, f32)]| meshes.add(revolve_mm(outline));
+    let pieces = [turned(&neck), turned(&handle)];
     let steel = StandardMaterial {
         base_color: Color::srgb(0.55, 0.57, 0.6),
         metallic: 0.5,
         perceptual_roughness: 0.38,
         ..default()
     };
-    commands.spawn((
+    let steel = MeshMaterial3d(materials.add(steel));
+    let drill = commands.spawn((
         Handpiece,
-        Mesh3d(meshes.add(handle)),
-        MeshMaterial3d(materials.add(steel)),
-        ToolShadow,
-        RenderLayers::layer(1),
+        Transform::default(),
         Visibility::Hidden,
         children![(BurrHead, Transform::default(), Visibility::default(), ToolShadow, RenderLayers::layer(1))],
     ));
+    let drill = drill.id();
+    for piece in pieces {
+        commands.spawn((Mesh3d(piece), steel.clone(), ToolShadow, RenderLayers::layer(1), ChildOf(drill)));
+    }
+}
+
+/// Turns an outline of radii and heights in millimetres about the Y axis.
+pub fn revolve_mm(outline: &[(f32, f32)]) -> Mesh {
+    revolve(&outline.iter().map(|&(radius, height)| Vec2::new(radius, height)).collect::<Vec<_>>(), 0.0)
 }
 
 /// Puts another burr on when another one was chosen.
@@ -90,7 +99,7 @@ fn outline(burr: &Burr) -> Vec<Vec2> {
 }
 
 /// Turns an outline in millimetres about the Y axis, which gives a mesh in metres; grooves of a depth, as a share of the radius, wind about it.
-pub fn revolve(outline: &[Vec2], groove: f32) -> Mesh {
+fn revolve(outline: &[Vec2], groove: f32) -> Mesh {
     const SEGMENTS: u32 = 96;
     const FLUTES: f32 = 8.0;
     let widest = outline.iter().fold(0.0_f32, |widest, point| widest.max(point.x));
