@@ -1,5 +1,5 @@
 //! Bevy plugins for surgical training: organs with living skin that bleeds and burns under an endoscope, and the house that
-//! drilling, fluids, deformation, instruments and scored scenarios are built into.
+//! deformation, instruments and scored scenarios are built into.
 //!
 //! ```no_run
 //! use bevy::prelude::*;
@@ -62,6 +62,11 @@ pub mod prelude {
         SurfacePoint, procedural_ellipsoid,
     };
     pub use crate::pacing::Pacing;
+    pub use crate::pool::{
+        Bleeder, BleedingControl, BleedingRules, Cavity, FluidSolver, Pool, PoolBackend, PoolFault, PoolFluid,
+        PoolLevel, PoolLook, PoolPlugin, PoolState, SolverSettings, SuctionGurgled, SuctionIrrigator, TreatBleeders,
+        VesselOpened, WaterBudget,
+    };
     pub use crate::reactions::burn::Cautery;
     pub use crate::reactions::kind::{AddReactionKind, KindId, ReactionKind, ReactionKinds};
     pub use crate::reactions::{
@@ -113,7 +118,7 @@ use bevy::app::{PluginGroup, PluginGroupBuilder};
 /// | [`ReactionsPlugin`](reactions::ReactionsPlugin) | [`Reactions`](reactions::Reactions), [`OrganTouch`](reactions::OrganTouch) | organ; render to be seen |
 /// | [`HighlightsPlugin`](highlights::HighlightsPlugin) | [`Highlights`](highlights::Highlights) | organ; render to be seen |
 /// | [`VolumePlugin`](volume::VolumePlugin) | [`CtVolume`](volume::CtVolume), [`LoadVolume`](volume::LoadVolume), [`DrillVolume`](volume::DrillVolume) | schedule; render to be seen |
-/// | [`PoolPlugin`](pool::PoolPlugin) | [`FluidSolver`](pool::FluidSolver) | schedule |
+/// | [`PoolPlugin`](pool::PoolPlugin) | [`Pool`](pool::Pool), [`SuctionIrrigator`](pool::SuctionIrrigator), [`Bleeder`](pool::Bleeder) | schedule, volume; render to be seen |
 /// | [`SurgeryViewPlugin`](view::SurgeryViewPlugin) (feature `render`) | [`Endoscope`](view::Endoscope), [`Microscope`](view::Microscope), [`ScopeLight`](view::ScopeLight), [`ScopeMask`](view::ScopeMask), [`StereoPair`](view::StereoPair), [`MonitorView`](view::MonitorView), [`ToolShadows`](view::ToolShadows) | render |
 pub struct SurgeryPlugins;
 

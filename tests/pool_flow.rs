@@ -1,7 +1,6 @@
 //! The flow of a pool on the GPU, held against its twin on the processor.
 
 use super::pool_ecs::{SIDE_M, bone};
-use bevy::camera::RenderTarget;
 use bevy::prelude::*;
 use bevy::render::RenderApp;
 use bevy::render::render_resource::{
@@ -380,20 +379,14 @@ fn without_a_graphics_device_the_processor_flows() {
 /// A cavity that is drilled under irrigation, seen from above, after so many steps; and what is known of its blood.
 fn drilled(backend: PoolBackend, steps: u32) -> (RgbaImage, PoolState) {
     let mut app = TestApp::gpu(160, 120);
-    let target = app.target().image.clone();
     let handle = app.world_mut().resource_mut::<Assets<Volume>>().add(bone());
     let volume = app.world_mut().spawn(CtVolume(handle)).id();
     let pool = Pool { size: UVec2::splat(128), cell_m: 1.2e-4, ..Pool::new(volume) };
     let place = Pool::facing(Vec3::Z * SIDE_M, Vec3::Z);
     let pool = app.world_mut().spawn((pool, backend, BleedingRules { ooze_s: 200.0, ..default() }, place)).id();
-    app.world_mut().spawn((
-        Camera3d::default(),
-        Camera { clear_color: ClearColorConfig::Custom(Color::BLACK), ..default() },
-        RenderTarget::Image(target.into()),
-        Transform::from_xyz(0.0, 0.0, 0.04).looking_at(Vec3::ZERO, Vec3::Y),
-        Projection::Perspective(PerspectiveProjection { near: 1e-3, ..default() }),
-        ScopeLight { intensity_cd: 1.0, ..default() },
-    ));
+    let camera = app.spawn_camera(Transform::from_xyz(0.0, 0.0, 0.04).looking_at(Vec3::ZERO, Vec3::Y));
+    let near = Projection::Perspective(PerspectiveProjection { near: 1e-3, ..default() });
+    app.world_mut().entity_mut(camera).insert((near, ScopeLight { intensity_cd: 1.0, ..default() }));
     let jet = Transform::from_xyz(2e-3, 0.0, SIDE_M + 4e-3).looking_to(Vec3::NEG_Z, Vec3::Y);
     app.world_mut().spawn((SuctionIrrigator { irrigation_ml_s: 0.1, ..default() }, jet));
     app.step(2);
@@ -433,7 +426,7 @@ fn pools_on_the_gpu_and_on_the_processor_look_alike() {
     let (dry, _) = drilled(PoolBackend::Auto, 1);
     let (twins, wet) = (difference(&on_processor, &on_gpu), difference(&on_processor, &dry));
     println!("{twins:.3} of 255 between them, {wet:.3} from a dry cavity; {known:?} {read_back:?}");
-    assert!(twins < 0.2 && wet > 3.0, "{twins} and {wet}");
+    assert!(twins < 0.1 && wet > 1.0, "{twins} and {wet}");
     assert_eq!((known.level_m, known.wet_cells), (read_back.level_m, read_back.wet_cells));
     assert!(known.blood_ml > 1e-3 && (read_back.blood_ml / known.blood_ml - 1.0).abs() < 0.05);
     assert!(known.hidden_share > 0.0 && (read_back.hidden_share - known.hidden_share).abs() < 0.05);

@@ -118,8 +118,8 @@ fn rest_on_bone(picking: &VolumePicking, ray: Ray3d, radius_m: f32) -> Option<(E
     touches.min_by(|a, b| a.1.total_cmp(&b.1))
 }
 
-/// How the drill is held so that its shaft does not go through bone: steeper in a narrow cavity, down to the line of sight.
-fn free_shaft(picking: &VolumePicking, centre_m: Vec3, radius_m: f32, aim: &Aim) -> Vec3 {
+/// How a tool is held so that its shaft does not go through bone: steeper in a narrow cavity, down to the line of sight.
+pub fn free_shaft(picking: &VolumePicking, centre_m: Vec3, radius_m: f32, aim: &Aim) -> Vec3 {
     const TILTS: u32 = 6;
     let mut tilted = (0..=TILTS).map(|tilt| {
         let steeper = aim.shaft.lerp(-*aim.ray.direction, tilt as f32 / TILTS as f32);

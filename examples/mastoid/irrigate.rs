@@ -1,7 +1,7 @@
 //! The other hand: a suction-irrigator beside the burr, and the pool that it fills.
 
 use crate::common::{Args, Backend};
-use crate::drill::Drill;
+use crate::drill::{Aim, Drill, free_shaft};
 use crate::tool;
 use bevy::camera::visibility::RenderLayers;
 use bevy::prelude::*;
@@ -12,6 +12,8 @@ use bevy_surgery::prelude::*;
 const BESIDE_M: Vec2 = Vec2::new(-4.5e-3, -1.5e-3);
 /// How high it is held over the bone while it only irrigates, and while it sucks, metres.
 const HEIGHTS_M: [f32; 2] = [3.5e-3, 0.8e-3];
+/// Thickness of the tube near its tip, metres.
+const TUBE_M: f32 = 1.2e-3;
 /// Around the burr, what bleeds within so much is sealed, metres.
 const SEAL_M: f32 = 6e-3;
 
@@ -96,7 +98,10 @@ fn hold_tube(
         let tip_m = hit.map_or(beside_m, |hit| hit.position_world_m) - *down * height_m;
         // A hand does not jump.
         let tip_m = hand.tip.map_or(tip_m, |(before, _)| before.lerp(tip_m, 0.25));
-        hand.tip = Some((tip_m, (view * Vec3::new(-0.55, -0.45, 0.7)).normalize()));
+        let aim = Aim { ray: Ray3d::new(from_m, down), shaft: (view * Vec3::new(-0.55, -0.45, 0.7)).normalize() };
+        let to_hand = free_shaft(&picking, tip_m, TUBE_M, &aim);
+        let to_hand = hand.tip.map_or(to_hand, |(_, before)| before.lerp(to_hand, 0.1).normalize_or(to_hand));
+        hand.tip = Some((tip_m, to_hand));
         if std::mem::take(&mut hand.seals) {
             let control = BleedingControl::Cauterized;
             treatments.write(TreatBleeders { place_world_m: pose.centre_m, radius_m: SEAL_M, control });

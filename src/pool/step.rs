@@ -74,8 +74,6 @@ struct Step<'a> {
     /// Blood that enters, and clear water: where (none for anywhere), how wide, how much (millilitres).
     blood: Vec<(Vec2, f32, f64)>,
     foam: Vec<FoamPatch>,
-    /// Jets that clear water comes with: where, and how many cells of what is there it takes the place of.
-    displaced: Vec<(Vec2, f32)>,
     /// Share of the fluid that ran over.
     overflow: f64,
 }
@@ -121,7 +119,7 @@ impl Step<'_> {
         // Foam needs air: the burr's back must be near the surface.
         let is_near_surface = self.level_m.is_some_and(|level_m| middle.z + 2.0 * radius_m > level_m);
         if excess > 0.0 && is_near_surface {
-            let amount = excess.min(1.0);
+            let amount = 0.45 * excess.min(1.0);
             self.foam.push(FoamPatch { place_m: middle.truncate(), radius_m: 1.5 * radius_m, amount });
         }
     }
@@ -167,18 +165,15 @@ impl Step<'_> {
             let ml = f64::from(irrigation_ml_s * self.step_s);
             let depth_m = self.depth_m(target_m).max(LEAST_DEPTH_M);
             let wide_m = 1.5 * radius_m;
-            // Clear water takes the place of so much of what is there.
+            // Clear water takes the place of so much of what is there, and washes it away.
             let footprint_m3 = TAU * wide_m * wide_m * depth_m;
             self.water.irrigate(ml);
-            let clear = (ml as f32 * 1e-6 / footprint_m3).min(0.5);
-            let cell_m = self.cavity.grid().cell_m();
-            self.displaced.push((target_m, clear * TAU * wide_m * wide_m / (cell_m * cell_m)));
             self.action.sources.push(FluidSource {
                 place_m: target_m,
                 radius_m: wide_m,
                 push_m_s: along * (positive(tool.jet_m_s) * 12.0 * self.step_s).min(1.0),
                 flow_m2_s: irrigation_ml_s * 1e-6 / depth_m,
-                clear,
+                clear: (ml as f32 * 1e-6 / footprint_m3).min(0.5),
                 ..FluidSource::default()
             });
         }
@@ -280,7 +275,6 @@ pub(super) fn flow(mut pools: Query<Flowing>, mut acting: Acting, time: Res<Time
             action: FluidAction::default(),
             blood: Vec::new(),
             foam: Vec::new(),
-            displaced: Vec::new(),
             overflow: 0.0,
         };
         if cavity.deepest().is_none() {
@@ -448,12 +442,8 @@ fn mix(fluid: &FluidSolver, step: &mut Step, state: &mut PoolState, shown: &mut 
     shown.cell_ml = cell_ml;
     let fades = |time_s: f32| if time_s > 0.0 { (-step.step_s / time_s).exp() } else { 1.0 };
     let fades = [fades(mixing.blood_clots_s), fades(mixing.dust_settles_s)];
-    for (what, dissolved) in [Dissolved::Blood, Dissolved::Dust].into_iter().enumerate() {
-        // What clear water pushes aside is still there, elsewhere.
-        let displaced: f32 = step.displaced.iter().map(|(at_m, cells)| cells * share_at(fluid, dissolved, *at_m)).sum();
-        let aside = 1.0 + (f64::from(displaced) / fluid.total(dissolved).max(1e-9)).min(0.2);
-        step.action.keep[what] = (spread * aside * (1.0 - step.overflow)) as f32 * fades[what];
-    }
+    let stays = spread * (1.0 - step.overflow);
+    step.action.keep = fades.map(|fade| stays as f32 * fade);
     for &(place_m, radius_m, ml) in &step.blood {
         let place_m = nearest_wet(fluid, place_m);
         step.action.sources.push(FluidSource {
@@ -464,11 +454,6 @@ fn mix(fluid: &FluidSolver, step: &mut Step, state: &mut PoolState, shown: &mut 
             ..FluidSource::default()
         });
     }
-}
-
-fn share_at(fluid: &FluidSolver, what: Dissolved, place_m: Vec2) -> f32 {
-    let cell = fluid.grid().cell_from_pool(place_m).round();
-    if cell.cmpge(Vec2::ZERO).all() { fluid.share(what, cell.as_uvec2()) } else { 0.0 }
 }
 
 /// Blood from a dry wall runs down into the fluid: the nearest wet cell in widening squares, or the place itself.
