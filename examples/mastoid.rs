@@ -9,7 +9,7 @@
 //! and full stop set the distance of the eyes. Escape ends.
 
 // Queries spell out what they touch.
-#![allow(clippy::type_complexity)]
+#![allow(clippy::too_many_arguments, clippy::type_complexity)]
 
 mod common;
 #[path = "mastoid/controls.rs"]

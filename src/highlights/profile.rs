@@ -13,7 +13,7 @@
 //! without a second ring appearing.
 
 use bevy::reflect::Reflect;
-use std::f32::consts::{FRAC_1_SQRT_2, PI};
+use std::f32::consts::PI;
 
 /// Texels of a profile.
 pub const PROFILE_TEXELS: usize = 256;
@@ -180,7 +180,7 @@ fn half_bits(value: f32) -> u16 {
 /// than a hundredth up to half a radian.
 #[cfg(feature = "render")]
 pub(super) fn flat_scale(cosine: f32) -> f32 {
-    (1.0 / (1.0 + cosine).max(1e-4)).sqrt() / FRAC_1_SQRT_2
+    (1.0 / (1.0 + cosine).max(1e-4)).sqrt() / std::f32::consts::FRAC_1_SQRT_2
 }
 
 #[cfg(test)]

@@ -86,8 +86,8 @@ fn is_moved(before: &Affine3A, now: &Affine3A, grid: &PoolGrid) -> bool {
     [Vec2::ONE, Vec2::NEG_ONE, Vec2::new(1.0, -1.0), Vec2::new(-1.0, 1.0)].into_iter().any(|corner| {
         let at = (corner * half_m).extend(0.0);
         let moved = before.transform_point3(at).distance(now.transform_point3(at));
-        // Also what is not a number.
-        !(moved <= 0.1 * grid.cell_m() * Vec3::from(now.matrix3.x_axis).length())
+        let allowed = 0.1 * grid.cell_m() * Vec3::from(now.matrix3.x_axis).length();
+        moved.is_nan() || moved > allowed
     })
 }
 
