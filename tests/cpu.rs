@@ -1,5 +1,8 @@
 //! The models without a renderer: these tests run with `--no-default-features` too.
 
+#[path = "pool_ecs.rs"]
+mod pool_ecs;
+
 use bevy::prelude::*;
 use bevy_surgery::prelude::*;
 use bevy_surgery::testing::TestApp;
