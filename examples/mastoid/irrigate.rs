@@ -8,8 +8,9 @@ use bevy::prelude::*;
 use bevy_surgery::pool::{BleedingControl, Pool, PoolBackend, PoolState, SuctionIrrigator, TreatBleeders, WaterBudget};
 use bevy_surgery::prelude::*;
 
-/// Where the tip is held beside the burr, seen from the microscope: to the left and below, metres.
-const BESIDE_M: Vec2 = Vec2::new(-4.5e-3, -1.5e-3);
+/// How far from the burr's surface the tip is held, and in which direction, seen from the microscope: to the left and below.
+const BESIDE_M: f32 = 1.2e-3;
+const BESIDE: Vec2 = Vec2::new(-0.95, -0.31);
 /// How high it is held over the bone while it only irrigates, and while it sucks, metres.
 const HEIGHTS_M: [f32; 2] = [3.5e-3, 0.8e-3];
 /// Thickness of the tube near its tip, metres.
@@ -90,7 +91,7 @@ fn hold_tube(
     let (Some(eye), Ok((mut place, mut tube))) = (eyes.iter().next(), tubes.single_mut()) else { return };
     if let Some(pose) = drill.pose {
         let view = eye.rotation();
-        let beside_m = pose.centre_m + view * BESIDE_M.extend(0.0);
+        let beside_m = pose.centre_m + view * (BESIDE * (0.5 * drill.burr.diameter_m + BESIDE_M)).extend(0.0);
         let down = Dir3::new(beside_m - eye.translation()).unwrap_or(Dir3::NEG_Z);
         let from_m = beside_m - *down * 0.03;
         let hit = picking.cast_ray(Ray3d::new(from_m, down), 0.06);
