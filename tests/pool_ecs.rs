@@ -323,6 +323,9 @@ fn the_mask_follows_drilling_and_nothing_else() {
     scene.app.world_mut().spawn((Transform::from_xyz(1.0, 2.0, 3.0), GlobalTransform::default()));
     scene.app.step(5);
     assert_eq!(scene.state().wet_cells, wet);
+    let looks = scene.get::<Cavity>().looks();
+    let whole = 192 * 192;
+    assert!((whole..whole + whole / 2).contains(&looks), "{looks} looks at {whole} columns");
     // Turned together with its volume it stays as well.
     scene.app.world_mut().entity_mut(scene.pool).insert(ChildOf(scene.volume));
     let steps = scene.state().steps;
@@ -332,11 +335,14 @@ fn the_mask_follows_drilling_and_nothing_else() {
         scene.app.step(1);
     }
     assert_eq!((scene.state().wet_cells, scene.state().steps), (wet, steps + 4));
+    assert_eq!(scene.get::<Cavity>().looks(), looks, "nothing is measured again");
     scene.app.world_mut().entity_mut(scene.volume).insert(Transform::IDENTITY);
     scene.app.step(1);
     scene.drill(Vec3::new(3e-3, 0.0, SIDE_M), Vec3::new(3e-3, 0.0, SIDE_M), 1);
     scene.app.step(1);
     assert!(scene.state().wet_cells > wet + 100);
+    let more = scene.get::<Cavity>().looks() - looks;
+    assert!((1000..whole / 2).contains(&more), "{more} columns for a burr");
 }
 
 #[test]

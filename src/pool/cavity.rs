@@ -32,6 +32,7 @@ pub struct Cavity {
     bounds: [UVec2; 2],
     /// The columns that are drilled, row by row.
     drilled: Vec<Drilled>,
+    looks: u64,
 }
 
 /// A column of which something was taken.
@@ -62,6 +63,7 @@ impl Cavity {
             original_m: original,
             bounds: [UVec2::ZERO; 2],
             drilled: Vec::new(),
+            looks: grid.count() as u64,
         }
     }
 
@@ -77,6 +79,7 @@ impl Cavity {
         if low.cmpge(high).any() {
             return;
         }
+        self.looks += u64::from((high - low).element_product());
         let width = grid.size().x as usize;
         let rows = self.cut_m.par_chunks_mut(width).zip(self.original_m.par_chunks(width)).enumerate();
         rows.skip(low.y as usize).take((high.y - low.y) as usize).for_each(|(y, (cut, original))| {
@@ -94,6 +97,11 @@ impl Cavity {
             false => [was_low.min(low), was_high.max(high)],
         };
         self.list_drilled();
+    }
+
+    /// Columns that were looked at so far, each as often as that: all of them once, then those under what was drilled.
+    pub fn looks(&self) -> u64 {
+        self.looks
     }
 
     fn list_drilled(&mut self) {
