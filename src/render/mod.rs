@@ -7,6 +7,7 @@ mod passes;
 mod shaders;
 mod tonemapping;
 mod uploads;
+mod viewport;
 
 pub use capability::{GraphicsAdapter, graphics_adapters};
 pub(crate) use lights::ExtractSceneLights;
@@ -17,6 +18,7 @@ pub use passes::{OrganPasses, VolumePasses};
 pub use shaders::{EmbeddedShader, SHADERS, shader_path};
 pub(crate) use tonemapping::tonemapping_definitions;
 pub use uploads::Uploads;
+pub(crate) use viewport::viewport_of;
 
 use bevy::prelude::*;
 

@@ -6,10 +6,10 @@ use super::pipelines::VolumePipelines;
 use super::scene::SceneChanges;
 use super::uniform::{Rays, VolumeUniform, depth_projection, near_m};
 use crate::organ::render::{OrganPipelineKey, OrganSides};
-use crate::render::{OrganLights, SceneLights, strongest_lights};
+use crate::render::{OrganLights, SceneLights, strongest_lights, viewport_of};
 use crate::view::ScopeMaskUniform;
 use crate::volume::{CtVolume, SmoothedNormals, VolumeLook, VolumeMethod};
-use bevy::camera::{MainPassResolutionOverride, Viewport};
+use bevy::camera::MainPassResolutionOverride;
 use bevy::core_pipeline::tonemapping::Tonemapping;
 use bevy::math::DMat4;
 use bevy::prelude::*;
@@ -230,16 +230,6 @@ pub(super) fn prepare_views(
         }
     }
     kept.uniforms.write_buffer(&device, &queue);
-}
-
-/// Where a camera draws in its target, pixels.
-fn viewport_of(camera: &ExtractedCamera, resolution: Option<&MainPassResolutionOverride>) -> Option<URect> {
-    let viewport = Viewport::from_viewport_and_override(camera.viewport.as_ref(), resolution);
-    let (min, size) = match viewport {
-        Some(viewport) => (viewport.physical_position, viewport.physical_size),
-        None => (UVec2::ZERO, camera.physical_target_size?),
-    };
-    (size.min_element() > 0).then_some(URect { min, max: min + size })
 }
 
 /// Finds what of a view things in the world take up.

@@ -5,9 +5,9 @@ use super::pipeline::{PoolPipelineKey, PoolPipelines};
 use super::textures::PoolTextures;
 use super::uniform::{PoolUniform, PoolView};
 use crate::organ::render::{OrganPipelineKey, OrganSides};
-use crate::render::{SceneLights, Uploads, strongest_lights};
+use crate::render::{SceneLights, Uploads, strongest_lights, viewport_of};
+use bevy::camera::MainPassResolutionOverride;
 use bevy::camera::visibility::RenderLayers;
-use bevy::camera::{MainPassResolutionOverride, Viewport};
 use bevy::core_pipeline::tonemapping::Tonemapping;
 use bevy::platform::collections::HashMap;
 use bevy::prelude::*;
@@ -164,16 +164,6 @@ pub(super) fn prepare_views(
 fn is_cube(map: &GpuImage) -> bool {
     let view = map.texture_view_descriptor.as_ref();
     view.and_then(|view| view.dimension) == Some(TextureViewDimension::Cube)
-}
-
-/// Where a camera draws in its target, pixels.
-fn viewport_of(camera: &ExtractedCamera, resolution: Option<&MainPassResolutionOverride>) -> Option<URect> {
-    let viewport = Viewport::from_viewport_and_override(camera.viewport.as_ref(), resolution);
-    let (min, size) = match viewport {
-        Some(viewport) => (viewport.physical_position, viewport.physical_size),
-        None => (UVec2::ZERO, camera.physical_target_size?),
-    };
-    (size.min_element() > 0).then_some(URect { min, max: min + size })
 }
 
 /// The copy for pictures as large as a depth texture.
