@@ -25,6 +25,7 @@ pub fn medians_ms<T>(rounds: usize, items: &mut [T], mut run: impl FnMut(&mut T)
     times.iter_mut().map(median).collect()
 }
 
+#[allow(dead_code, reason = "not every bench takes part in it")]
 /// One bench for each of them, in which all run and its own time counts.
 pub fn bench_each<T>(
     group: &mut BenchmarkGroup<WallTime>,

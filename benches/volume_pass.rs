@@ -4,19 +4,16 @@
 //! `../shared/peers/b_volume_vtk.py` has, where the scan is at hand; otherwise the phantom. The scenes take turns frame by
 //! frame, so that a machine that slows down slows all of them.
 
+mod head;
 mod turns;
 
-use bevy::math::DVec3;
 use bevy::pbr::PbrPlugin;
 use bevy::prelude::*;
 use bevy_surgery::prelude::*;
 use bevy_surgery::testing::TestApp;
 use bevy_surgery::volume::PickedVolume;
 use bevy_surgery::volume::cut::{Burr, BurrKind, BurrPose, BurrShape};
-use bevy_surgery::volume::load::load_path;
-use bevy_surgery::volume::phantom::{PhantomOptions, phantom};
-use bevy_surgery::volume::structures::Structures;
-use bevy_surgery::volume::transfer::{ControlPoint, TransferFunction};
+use bevy_surgery::volume::transfer::TransferFunction;
 use criterion::{Criterion, criterion_group, criterion_main};
 use std::f32::consts::TAU;
 
@@ -44,51 +41,6 @@ const SCENES: [(Scene, &str); 6] = [
     (Scene::TurnedSlices, "full redraw, slices"),
 ];
 
-const SIDE: u32 = 256;
-
-/// The head as the peers have it: 256^3, between its voxels linear.
-fn head() -> Option<(Volume, TransferFunction)> {
-    let path = concat!(env!("CARGO_MANIFEST_DIR"), "/../shared/data/ct/head.nii.gz");
-    let (head, _) = load_path(path, &default()).ok()?;
-    let from = head.grid().size;
-    // As fine as a scan of a temporal bone, so that a burr of 4 mm has a radius of 8 voxels.
-    let grid = VolumeGrid::upright(UVec3::splat(SIDE), DVec3::splat(0.25));
-    let mut voxels = vec![0_u8; grid.count()];
-    for (place, voxel) in voxels.iter_mut().enumerate() {
-        let place = place as u32;
-        let to = UVec3::new(place % SIDE, place / SIDE % SIDE, place / SIDE / SIDE).as_vec3();
-        let at = to * (from.as_vec3() - 1.0) / (SIDE - 1) as f32;
-        let low = at.floor().min(from.as_vec3() - 2.0);
-        let share = at - low;
-        let mut sum = 0.0;
-        for corner in 0..8 {
-            let side = UVec3::new(corner & 1, corner >> 1 & 1, corner >> 2);
-            let weight = |axis: usize| if side[axis] == 1 { share[axis] } else { 1.0 - share[axis] };
-            sum += head.voxels().stored(head.grid().index(low.as_uvec3() + side)) as f32
-                * weight(0)
-                * weight(1)
-                * weight(2);
-        }
-        *voxel = sum as u8;
-    }
-    let point = |value: f64, opacity, colour| ControlPoint { value, colour, opacity };
-    let transfer = TransferFunction {
-        points: vec![
-            point(0.0, 0.0, [0, 0, 0]),
-            point(40.0, 0.0, [136, 85, 68]),
-            point(60.0, 0.03, [204, 128, 102]),
-            point(100.0, 0.05, [229, 187, 166]),
-            point(120.0, 0.5, [242, 230, 204]),
-            point(255.0, 0.9, [255, 255, 255]),
-        ],
-        reference_length_m: 0.25e-3,
-        ..TransferFunction::window(0.5, 1.0)
-    };
-    let volume = Volume::new(grid, Voxels::U8(voxels), 1.0, 0.0).ok()?;
-    let structures = Structures::for_volume(&volume).ok()?;
-    Some((volume.with_structures(structures).ok()?, transfer))
-}
-
 struct Bench {
     app: TestApp,
     scene: Scene,
@@ -103,7 +55,7 @@ fn bench(scene: Scene, volume: &Volume, transfer: &TransferFunction) -> Bench {
     });
     let extent = volume.grid().half_axes_m()[0].length();
     // The peers' camera: it sees the whole box, comes from below, and is then zoomed in.
-    let view = Transform::from_translation(towards_eye() * (3_f32.sqrt() * extent / 15_f32.to_radians().sin()))
+    let view = Transform::from_translation(head::towards_eye() * (3_f32.sqrt() * extent / 15_f32.to_radians().sin()))
         .looking_at(Vec3::ZERO, Vec3::Z);
     let camera = app.spawn_camera(view);
     let lens = PerspectiveProjection { fov: 20_f32.to_radians(), ..default() };
@@ -152,10 +104,10 @@ fn frame(bench: &mut Bench) {
             // On a small circle in the picture, always as deep into the bone that was there in the beginning.
             let at = |frame: u32| {
                 let turn = frame as f32 * 0.05 % TAU;
-                let from = towards_eye() + 0.005 * Vec3::new(turn.cos(), 0.0, turn.sin());
-                let hit = picker.pick(from, -towards_eye(), 2.0, |_| 1.0).expect("the burr meets the head");
+                let from = head::towards_eye() + 0.005 * Vec3::new(turn.cos(), 0.0, turn.sin());
+                let hit = picker.pick(from, -head::towards_eye(), 2.0, |_| 1.0).expect("the burr meets the head");
                 let depth_m = 0.02 * radius_m * (frame % 40) as f32;
-                BurrPose { centre_m: hit.position_m - towards_eye() * depth_m, axis: Vec3::Z }
+                BurrPose { centre_m: hit.position_m - head::towards_eye() * depth_m, axis: Vec3::Z }
             };
             let (from_world, to_world) = (at(bench.frame), at(bench.frame + 1));
             world.write_message(DrillVolume {
@@ -174,12 +126,6 @@ fn frame(bench: &mut Bench) {
     }
 }
 
-/// Direction in which the eye lies in the beginning.
-fn towards_eye() -> Vec3 {
-    let (sin, cos) = 70_f32.to_radians().sin_cos();
-    Vec3::new(0.0, -sin, cos)
-}
-
 /// Share of the picture that the volume takes up.
 fn cover(bench: &mut Bench) -> f32 {
     let shown = bench.app.capture();
@@ -194,11 +140,7 @@ fn cover(bench: &mut Bench) -> f32 {
 }
 
 fn frames(c: &mut Criterion) {
-    let (volume, transfer) = head().unwrap_or_else(|| {
-        let volume = phantom(&PhantomOptions { size: SIDE, ..default() }).expect("the crate's own phantom");
-        let transfer = TransferFunction::for_volume(&volume);
-        (volume, transfer)
-    });
+    let (volume, transfer) = head::head(256);
     let mut benches: Vec<Bench> = SCENES.iter().map(|(scene, _)| bench(*scene, &volume, &transfer)).collect();
     println!("the volume covers {:.3} of the picture", cover(&mut benches[1]));
     let medians = turns::medians_ms(30, &mut benches, frame);

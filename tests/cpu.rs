@@ -2,6 +2,7 @@
 
 #[path = "pool_ecs.rs"]
 mod pool_ecs;
+mod volume_deformed;
 
 use bevy::prelude::*;
 use bevy_surgery::prelude::*;

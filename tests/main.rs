@@ -34,6 +34,7 @@ mod support;
 mod view;
 mod view_shadows;
 mod view_stereo;
+mod volume_deformed;
 mod volume_drill;
 mod volume_ecs;
 mod volume_load;

@@ -17,6 +17,7 @@ const NOT_DATA: &[(&str, &str)] = &[
     ("PoolPasses", "a system set"),
     ("DrillVolumes", "a system set"),
     ("FlowPools", "a system set"),
+    ("FollowLattices", "a system set"),
     ("PrepareCuts", "a system set"),
     ("OrganPicking", "a system parameter"),
     ("VolumePicking", "a system parameter"),

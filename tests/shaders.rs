@@ -12,7 +12,7 @@ use bevy_surgery::render::{LightUniform, OrganLights, SHADERS};
 use bevy_surgery::skin::SkinUniform;
 use bevy_surgery::testing::TestApp;
 use bevy_surgery::view::{ScopeMaskUniform, ToolCasterUniform, ToolShadowUniform};
-use bevy_surgery::volume::VolumeUniform;
+use bevy_surgery::volume::{DeformUniform, VolumeUniform};
 use naga::valid::{Capabilities, ValidationFlags, Validator};
 use naga_oil::compose::{ComposableModuleDescriptor, Composer, NagaModuleDescriptor, ShaderDefValue};
 use std::collections::{BTreeSet, HashMap};
@@ -140,6 +140,10 @@ fn every_shader_composes_and_validates() {
         if let Err(reason) = compose_with(&mut composer, shader.path, shader.source, &["OWN_COLOURS", "SOLID_PART"]) {
             panic!("{} with colours of the voxels: {reason}", shader.path);
         }
+        // Volumes that a lattice deforms, under light.
+        if let Err(reason) = compose_with(&mut composer, shader.path, shader.source, &["DEFORMED", "LIT"]) {
+            panic!("{} deformed: {reason}", shader.path);
+        }
     }
     let wrong = "@fragment fn fragment() -> @location(0) vec4<f32> { return 1.0; }";
     assert!(compose(&mut composer, "wrong.wgsl", wrong).is_err(), "a wrong shader must not pass");
@@ -202,6 +206,8 @@ fn rust_and_wgsl_agree_on_every_struct() {
     assert_layout!(&shadows.expect("composes"), "ToolShadowUniform", ToolShadowUniform);
     let march = compose(&mut composer, "volume/march.wgsl", source("volume/march.wgsl")).expect("composes");
     assert_layout!(&march, "VolumeUniform", VolumeUniform);
+    let deformed = compose_with(&mut composer, "volume/march.wgsl", source("volume/march.wgsl"), &["DEFORMED"]);
+    assert_layout!(&deformed.expect("composes"), "DeformUniform", DeformUniform);
     let pool = compose(&mut composer, "pool/composite.wgsl", source("pool/composite.wgsl")).expect("composes");
     assert_layout!(&pool, "PoolUniform", PoolUniform);
     let act = compose(&mut composer, "pool/act.wgsl", source("pool/act.wgsl")).expect("composes");
@@ -242,10 +248,13 @@ fn no_struct_escapes_the_comparison() {
     let mut found = BTreeSet::new();
     for shader in SHADERS.iter().filter(|shader| !shader.is_library) {
         found.extend(buffer_structs(&compose(&mut composer, shader.path, shader.source).expect("composes")));
+        let deformed = compose_with(&mut composer, shader.path, shader.source, &["DEFORMED", "LIT"]);
+        found.extend(buffer_structs(&deformed.expect("composes")));
     }
     // `ColorGrading` is a part of Bevy's `View`, whose size is compared.
     let compared = [
         "ColorGrading",
+        "DeformUniform",
         "FlowSource",
         "FlowUniform",
         "HighlightRing",

@@ -1,5 +1,6 @@
 //! Volumes on the GPU, held against their twin on the CPU, and beside the rest of a scene.
 
+mod deformed;
 mod faults;
 mod methods;
 mod redraw;

@@ -53,7 +53,16 @@ fn rays_from(volume: &Volume, size_px: UVec2, clip_from_view: Mat4, eye: Vec3, t
 }
 
 fn scene<'a>(field: &'a RenderField, table: &'a [[f32; 4]]) -> MarchScene<'a> {
-    MarchScene { field, table, distances: None, step_m: STEP_M, near_m: 0.0, clip_planes: &[], scene_depth_m: None }
+    MarchScene {
+        field,
+        lattice: None,
+        table,
+        distances: None,
+        step_m: STEP_M,
+        near_m: 0.0,
+        clip_planes: &[],
+        scene_depth_m: None,
+    }
 }
 
 /// Pixels of a picture with their places in memory.

@@ -4,6 +4,10 @@
 #import bevy_surgery::volume::{ray_through, relative_depth, volume}
 #import bevy_surgery::volume_field::{gradient_at, place_of, sample_at, scene_depth_m}
 #import bevy_render::view::View
+#ifdef DEFORMED
+#import bevy_surgery::volume_deform::{node_place_of, nodes}
+#import bevy_surgery::volume_field::linear_sampler
+#endif
 
 @group(0) @binding(0) var<uniform> view: View;
 
@@ -36,10 +40,17 @@ fn fragment(in: Varying) -> Blended {
     let depth_m = in.k * volume.step_m;
     let ray = ray_through(pixel);
     let voxel = ray.origin + ray.along * depth_m;
+#ifdef DEFORMED
+    let place = place_of(voxel) + textureSampleLevel(nodes, linear_sampler, node_place_of(voxel), 0.0).xyz;
+#else
     let place = place_of(voxel);
+#endif
     let sample = sample_at(place);
     // The polygons are a little larger than the box: it ends for slices where it ends for rays.
     var is_hidden = depth_m > scene_depth_m(pixel) || any(voxel < volume.low) || any(voxel > volume.high);
+#ifdef DEFORMED
+    is_hidden = is_hidden || any(place < vec3(0.0)) || any(place > vec3(1.0));
+#endif
     for (var plane = 0u; plane < volume.clip_plane_count; plane++) {
         is_hidden = is_hidden || dot(volume.clip_planes[plane], vec4(voxel, 1.0)) < 0.0;
     }

@@ -50,12 +50,15 @@ pub const SHADERS: &[EmbeddedShader] = &[
     shader!("view/tool_shadow_map.wgsl", false),
     shader!("view/tool_shadows.wgsl", false),
     shader!("volume/composite.wgsl", false),
+    shader!("volume/deform.wgsl", true),
     shader!("volume/field.wgsl", true),
     shader!("volume/march.wgsl", false),
     shader!("volume/resolve.wgsl", false),
     shader!("volume/slices.wgsl", false),
     shader!("volume/smooth.wgsl", false),
+    shader!("volume/start.wgsl", false),
     shader!("volume/volume.wgsl", true),
+    shader!("volume/walk.wgsl", true),
     shader!("volume/wet.wgsl", false),
 ];
 

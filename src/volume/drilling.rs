@@ -1,14 +1,14 @@
 //! Drilling in the ECS: who drills what is a message, what was removed is one too.
 
 use super::cut::{Burr, BurrPose, BurrStroke};
-use super::{CtVolume, CutVolume, Volume, VoxelBox};
+use super::{CtVolume, CutVolume, DeformedVolume, Volume, VolumeGrid, VoxelBox, VoxelLattice};
 use crate::schedule::SurgerySystems;
-use bevy::math::UVec3;
+use bevy::math::{Affine3A, UVec3};
 use bevy::prelude::*;
 
 /// A burr that runs against a volume during this step. Written before [`SurgerySystems::Cut`], once per burr and step.
 ///
-/// Burrs and forces count in the volume's own metres: an entity that is scaled shows a larger picture of the same bone.
+/// Of a volume that a lattice deforms, the burr removes the matter that is shown where it is. Burrs and forces count in the volume's own metres: an entity that is scaled shows a larger picture of the same bone.
 #[derive(Message, Clone, Debug, PartialEq, Reflect)]
 pub struct DrillVolume {
     /// The volume.
@@ -121,12 +121,12 @@ pub(super) fn build(app: &mut App) {
 fn drill_volumes(
     mut strokes: MessageReader<DrillVolume>,
     mut removed: MessageWriter<VoxelsRemoved>,
-    mut bodies: Query<(&CtVolume, &mut CutVolume, &mut RemovedTissue, &GlobalTransform)>,
+    mut bodies: Query<(&CtVolume, &mut CutVolume, &mut RemovedTissue, &GlobalTransform, Option<&DeformedVolume>)>,
     volumes: Res<Assets<Volume>>,
     time: Res<Time>,
 ) {
     for stroke in strokes.read() {
-        let Ok((body, mut cut, mut tissue, transform)) = bodies.get_mut(stroke.volume) else { continue };
+        let Ok((body, mut cut, mut tissue, transform, deformed)) = bodies.get_mut(stroke.volume) else { continue };
         let Some(volume) = volumes.get(&body.0).filter(|volume| volume.grid().size == cut.size()) else { continue };
         let Some(structures) = volume.structures() else { continue };
         let volume_from_world = transform.affine().inverse();
@@ -134,13 +134,15 @@ fn drill_volumes(
             centre_m: volume_from_world.transform_point3(world.centre_m),
             axis: volume_from_world.transform_vector3(world.axis),
         };
-        let stroke_in_volume = BurrStroke {
-            burr: stroke.burr,
-            from: pose(stroke.from_world),
-            to: pose(stroke.to_world),
-            force_n: stroke.force_n,
-            speed_rpm: stroke.speed_rpm,
-        };
+        let mut burr = stroke.burr;
+        let (mut from, mut to) = (pose(stroke.from_world), pose(stroke.to_world));
+        if let Some(deformed) = deformed {
+            let rest = RestPoses::new(deformed.lattice(), volume.grid());
+            let scale = rest.scale_at(to.centre_m);
+            burr.diameter_m *= scale;
+            (from, to) = (rest.of(from), rest.of(to));
+        }
+        let stroke_in_volume = BurrStroke { burr, from, to, force_n: stroke.force_n, speed_rpm: stroke.speed_rpm };
         // Looked at without noting a change: a burr that touches nothing changes nothing.
         let untouched = cut.revision();
         let unchanged = cut.bypass_change_detection();
@@ -162,9 +164,48 @@ fn drill_volumes(
                 tool: stroke.tool,
                 by_label_mm3: removal.by_label_mm3,
                 total_mm3: removal.total_mm3,
-                centroid_world_m: transform.transform_point(centroid_m.as_vec3()),
+                centroid_world_m: transform.transform_point(match deformed {
+                    None => centroid_m.as_vec3(),
+                    Some(deformed) => RestPoses::new(deformed.lattice(), volume.grid()).shown(centroid_m.as_vec3()),
+                }),
             });
         }
+    }
+}
+
+/// Leads burrs from where they are shown to the matter at rest; in the volume's space, metres.
+struct RestPoses<'a> {
+    lattice: &'a VoxelLattice,
+    volume_from_voxel: Affine3A,
+    voxel_from_volume: Affine3A,
+}
+
+impl<'a> RestPoses<'a> {
+    fn new(lattice: &'a VoxelLattice, grid: &VolumeGrid) -> Self {
+        let volume_from_voxel = grid.volume_from_voxel();
+        Self { lattice, volume_from_voxel, voxel_from_volume: volume_from_voxel.inverse() }
+    }
+
+    fn of(&self, pose: BurrPose) -> BurrPose {
+        let shown = self.voxel_from_volume.transform_point3(pose.centre_m);
+        let axis = self.lattice.slope_at(shown) * self.voxel_from_volume.transform_vector3(pose.axis);
+        BurrPose {
+            centre_m: self.volume_from_voxel.transform_point3(self.lattice.rest_from_shown(shown)),
+            axis: self.volume_from_voxel.transform_vector3(axis),
+        }
+    }
+
+    /// Length at rest of what is shown as a length of 1, in the mean over all directions: so that a burr removes as much matter
+    /// as it covers.
+    fn scale_at(&self, shown_m: Vec3) -> f32 {
+        let volume = self.lattice.slope_at(self.voxel_from_volume.transform_point3(shown_m)).determinant();
+        if volume > 0.0 { volume.cbrt() } else { 1.0 }
+    }
+
+    /// Where matter is shown, to a thousandth of a voxel; where there is no such place, nearby.
+    fn shown(&self, rest_m: Vec3) -> Vec3 {
+        let rest = self.voxel_from_volume.transform_point3(rest_m);
+        self.volume_from_voxel.transform_point3(self.lattice.shown_from_rest(rest))
     }
 }
 

@@ -6,13 +6,16 @@ mod component;
 pub mod critical;
 pub mod cut;
 mod data;
+mod deformed;
 mod drilling;
 pub mod error;
 mod grid;
+mod lattice;
 pub mod load;
 mod look;
 pub mod phantom;
 pub mod pick;
+mod pick_deformed;
 mod picking;
 #[cfg(feature = "render")]
 mod render;
@@ -25,12 +28,14 @@ pub use asset::{LoadVolume, VolumeLoadFailed, VolumeLoader};
 pub use component::{CtVolume, PrepareCuts};
 pub use cut::CutVolume;
 pub use data::{MAX_SIDE, MAX_VOXELS, Volume, Voxels, check_size};
+pub use deformed::{DeformedVolume, FollowLattices};
 pub use drilling::{DrillVolume, DrillVolumes, RemovedTissue, VoxelsRemoved};
 pub use grid::{VolumeGrid, VoxelBox};
+pub use lattice::VoxelLattice;
 pub use look::{MAX_CLIP_PLANES, MAX_SMOOTHING_PASSES, SmoothedNormals, VolumeLook, VolumeMethod, WetShading};
 pub use picking::{PickedVolume, VolumeHitInWorld, VolumePicking};
 #[cfg(feature = "render")]
-pub use render::{VolumeRedraws, VolumeUniform};
+pub use render::{DeformUniform, VolumeRedraws, VolumeUniform};
 pub use watch::WatchCritical;
 
 use bevy::prelude::*;
@@ -39,6 +44,7 @@ use bevy::prelude::*;
 fn register(app: &mut App) {
     app.register_type::<VolumeGrid>()
         .register_type::<VoxelBox>()
+        .register_type::<VoxelLattice>()
         .register_type::<Voxels>()
         .register_type::<CutVolume>()
         .register_type::<cut::CutError>()
@@ -81,6 +87,7 @@ impl Plugin for VolumePlugin {
     fn build(&self, app: &mut App) {
         asset::build(app);
         component::build(app);
+        deformed::build(app);
         drilling::build(app);
         picking::build(app);
         watch::build(app);

@@ -9,9 +9,9 @@ use rayon::prelude::*;
 use std::sync::Arc;
 
 /// Share of filling at which matter begins.
-const SURFACE: f64 = 0.5;
+pub(super) const SURFACE: f64 = 0.5;
 /// Cells along the side of the blocks that are passed over at once.
-const BLOCK_SIDE: u32 = 8;
+pub(super) const BLOCK_SIDE: u32 = 8;
 /// How far behind a wall the next cell is looked for, voxels.
 const NUDGE_VOXELS: f64 = 1e-7;
 
@@ -24,10 +24,10 @@ const NUDGE_VOXELS: f64 = 1e-7;
 #[reflect(opaque)]
 #[reflect(Clone, Debug)]
 pub struct VolumePicker {
-    grid: VolumeGrid,
+    pub(super) grid: VolumeGrid,
     structures: Arc<Structures>,
-    voxel_from_volume: DAffine3,
-    volume_from_gradient: Mat3,
+    pub(super) voxel_from_volume: DAffine3,
+    pub(super) volume_from_gradient: Mat3,
     blocks: UVec3,
     may_be_matter: Vec<bool>,
 }
@@ -50,7 +50,7 @@ pub struct VolumeHit {
 }
 
 /// Filling of the eight voxels around a cell, x fastest, and where they are.
-struct Cell {
+pub(super) struct Cell {
     voxels: [UVec3; 8],
     filling: [f64; 8],
     /// Voxel coordinates of its lower corner.
@@ -67,7 +67,7 @@ impl Cell {
         })
     }
 
-    fn filling_at(&self, at_voxel: DVec3) -> f64 {
+    pub(super) fn filling_at(&self, at_voxel: DVec3) -> f64 {
         self.weights(at_voxel).iter().zip(self.filling).map(|(weight, filling)| weight * filling).sum()
     }
 }
@@ -194,13 +194,13 @@ impl VolumePicker {
         (self.volume_from_gradient * -gradient.as_vec3()).try_normalize()
     }
 
-    fn may_be_matter_in(&self, block: DVec3) -> bool {
+    pub(super) fn may_be_matter_in(&self, block: DVec3) -> bool {
         let block = block.as_ivec3().clamp(IVec3::ZERO, self.blocks.as_ivec3() - 1).as_uvec3();
         self.may_be_matter[linear_index(self.blocks, block)]
     }
 
     /// The cell around a place; beside the grid its outermost voxels continue.
-    fn cell(&self, at_voxel: DVec3, remaining: &impl Fn(UVec3) -> f32) -> Cell {
+    pub(super) fn cell(&self, at_voxel: DVec3, remaining: &impl Fn(UVec3) -> f32) -> Cell {
         let last = self.grid.size.as_ivec3() - 1;
         let low = at_voxel.floor().as_ivec3();
         let voxels = std::array::from_fn(|corner| {
@@ -214,7 +214,7 @@ impl VolumePicker {
         Cell { voxels, filling, low: low.as_dvec3() }
     }
 
-    fn hit(
+    pub(super) fn hit(
         &self,
         distance: f64,
         at_voxel: DVec3,

@@ -1,7 +1,7 @@
 //! Picking volumes in the ECS: rays of the world find the nearest bone that is left, without any rendering.
 
 use super::pick::{VolumeHit, VolumePicker};
-use super::{CtVolume, CutVolume, PrepareCuts, Volume, VolumeLook};
+use super::{CtVolume, CutVolume, DeformedVolume, PrepareCuts, Volume, VolumeLook};
 use bevy::ecs::system::SystemParam;
 use bevy::prelude::*;
 use std::sync::Arc;
@@ -17,7 +17,7 @@ pub struct VolumeHitInWorld {
     pub normal_world: Vec3,
     /// From the ray's origin, metres in the world.
     pub distance_m: f32,
-    /// The same in the volume's own space.
+    /// The same in the volume's own space; of a volume that a lattice deforms, the voxel is that of the matter at rest.
     pub hit: VolumeHit,
 }
 
@@ -27,8 +27,14 @@ pub struct VolumeHitInWorld {
 #[reflect(Component, Clone, Debug)]
 pub struct PickedVolume(pub VolumePicker);
 
-type Pickable =
-    (Entity, &'static PickedVolume, &'static CutVolume, &'static GlobalTransform, Option<&'static VolumeLook>);
+type Pickable = (
+    Entity,
+    &'static PickedVolume,
+    &'static CutVolume,
+    &'static GlobalTransform,
+    Option<&'static VolumeLook>,
+    Option<&'static DeformedVolume>,
+);
 
 /// Finds volumes with rays, as they are since the last step: what is left of them and not clipped away.
 #[derive(SystemParam)]
@@ -59,7 +65,7 @@ impl VolumePicking<'_, '_> {
     /// [`VolumeLook`] cuts through bone, that is its surface.
     pub fn cast_ray(&self, ray: Ray3d, max_distance_m: f32) -> Option<VolumeHitInWorld> {
         let mut nearest: Option<VolumeHitInWorld> = None;
-        for (entity, PickedVolume(picker), cut, transform, look) in &self.volumes {
+        for (entity, PickedVolume(picker), cut, transform, look, deformed) in &self.volumes {
             let world_from_volume = transform.affine();
             let volume_from_world = world_from_volume.inverse();
             let origin = volume_from_world.transform_point3(ray.origin);
@@ -75,7 +81,11 @@ impl VolumePicking<'_, '_> {
                 continue;
             }
             let origin = origin + direction * from_m;
-            let hit = picker.pick(origin, direction, to_m - from_m, |voxel| cut.remaining(voxel));
+            let (far_m, remaining) = (to_m - from_m, |voxel| cut.remaining(voxel));
+            let hit = match deformed {
+                None => picker.pick(origin, direction, far_m, remaining),
+                Some(deformed) => picker.pick_deformed(origin, direction, far_m, deformed.lattice(), remaining),
+            };
             let Some(mut hit) = hit else { continue };
             if let Some(plane) = side.filter(|_| hit.distance_m == 0.0) {
                 hit.normal = -plane.truncate().normalize_or_zero();

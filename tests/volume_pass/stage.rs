@@ -14,6 +14,7 @@ use bevy::render::render_resource::{
 };
 use bevy::render::renderer::{RenderContext, RenderDevice, ViewQuery};
 use bevy::render::view::{ViewDepthTexture, ViewTarget};
+use bevy_surgery::deform::DeformLattice;
 use bevy_surgery::render::{LightUniform, OrganPasses, Uploads, VolumePasses};
 use bevy_surgery::testing::TestApp;
 use bevy_surgery::volume::cut::{Burr, BurrKind, BurrPose, BurrShape, BurrStroke};
@@ -22,7 +23,7 @@ use bevy_surgery::volume::software::{
 };
 use bevy_surgery::volume::structures::Structures;
 use bevy_surgery::volume::transfer::{ColourSource, TransferFunction, colours};
-use bevy_surgery::volume::{CtVolume, CutVolume, Volume, VolumeLook, VolumeMethod, VolumeRedraws};
+use bevy_surgery::volume::{CtVolume, CutVolume, Volume, VolumeLook, VolumeMethod, VolumeRedraws, VoxelLattice};
 use half::f16;
 use std::f32::consts::PI;
 
@@ -272,8 +273,11 @@ impl Stage {
         let planes: Vec<Vec4> =
             look.clip_planes.iter().map(|plane| plane_in_voxels(*plane, &volume_from_voxel)).collect();
         let clip = self.clip_from_view();
+        let lattice = world.get::<DeformLattice>(self.volume);
+        let lattice = lattice.map(|lattice| VoxelLattice::new(lattice, volume.grid()));
         let scene = MarchScene {
             field: &field,
+            lattice: lattice.as_ref(),
             table: table.entries(),
             distances: None,
             step_m: step_voxels * rays.voxel_edge_m(),

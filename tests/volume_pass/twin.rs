@@ -10,7 +10,7 @@ use bevy_surgery::volume::transfer::{ColourSource, TransferFunction};
 use bevy_surgery::volume::{Volume, VolumeGrid, VolumeMethod, Voxels};
 
 /// Holds the GPU's rays and slices against the CPU's, and sees to it that a displaced picture would not pass.
-fn check(stage: &mut Stage, what: &str, least_covered: usize) {
+pub fn check(stage: &mut Stage, what: &str, least_covered: usize) {
     compare(stage, what, least_covered, true);
 }
 

@@ -7,6 +7,7 @@
 //! - [`Patch`] is a sub-cube, [`Tree`] the octree of them with its vertices and constraints
 //! - [`DeformLattice`] adds the translations
 
+mod bounds;
 mod field;
 mod tree;
 

@@ -1,9 +1,12 @@
 //! What the render world takes of volumes each frame.
 
 use super::gpu::VolumeTextures;
+use super::lattices::ExtractedLattice;
 use super::shown::{ShownVolume, all_blocks};
 use super::texels::{field_format, field_texels, gradient_texels};
+use crate::deform::DeformLattice;
 use crate::render::finite_within;
+use crate::volume::deformed::{DeformedVolume, shown_box, shown_boxes};
 use crate::volume::grid::linear_index;
 use crate::volume::software::plane_in_voxels;
 use crate::volume::transfer::{ColourSource, colours};
@@ -28,12 +31,14 @@ pub(super) struct ExtractedVolume {
     pub layers: RenderLayers,
     /// What can be seen at all, voxel coordinates.
     pub bounds: (Vec3, Vec3),
+    /// By which it is deformed.
+    pub lattice: Option<ExtractedLattice>,
     pub own_colours: bool,
     pub revision: u64,
     /// Whether this revision changed more than the voxels in `cut`.
     pub is_all_new: bool,
-    /// Voxels whose picture this revision changed.
-    pub cut: Vec<VoxelBox>,
+    /// Voxel coordinates between which this revision changed the picture.
+    pub cut: Vec<(Vec3, Vec3)>,
     /// Whether `uploads` holds all of it, so that its textures are made anew.
     pub is_whole: bool,
     pub uploads: Vec<TexelUpload>,
@@ -74,6 +79,7 @@ type Shown = (
     &'static ShownVolume,
     &'static GlobalTransform,
     Option<&'static RenderLayers>,
+    Option<(&'static DeformLattice, &'static DeformedVolume)>,
 );
 
 pub(super) fn extract_volumes(
@@ -86,7 +92,7 @@ pub(super) fn extract_volumes(
 ) {
     let limit = device.limits().max_texture_dimension_3d;
     extracted.0.clear();
-    for (entity, source, cut, look, shown, transform, layers) in shown.iter() {
+    for (entity, source, cut, look, shown, transform, layers, deformed) in shown.iter() {
         let entity = MainEntity::from(entity);
         let Some(volume) = volumes.get(&source.0) else { continue };
         let grid = volume.grid();
@@ -113,6 +119,16 @@ pub(super) fn extract_volumes(
         let known = textures.revision(entity);
         let is_whole = known != Some(shown.revision) && known != Some(shown.revision.wrapping_sub(1));
         let is_next = known == Some(shown.revision.wrapping_sub(1));
+        let cut_voxels = if is_next { &shown.changes.voxels[..] } else { &[] };
+        // The gradients around them changed too, and samples are interpolated.
+        let changed = cut_voxels.iter().map(|of| (of.min.as_vec3() - 2.5, of.max.as_vec3() + 1.5));
+        let (bounds, changed) = match deformed {
+            None => (shown.bounds, changed.collect()),
+            Some((lattice, _)) => (
+                shown_box(lattice, grid, shown.bounds.0, shown.bounds.1),
+                changed.flat_map(|(low, high)| shown_boxes(lattice, grid, low, high)).collect(),
+            ),
+        };
         extracted.0.push(ExtractedVolume {
             entity,
             size: grid.size,
@@ -121,11 +137,13 @@ pub(super) fn extract_volumes(
             clip_planes: look.cutting_planes().map(|plane| plane_in_voxels(plane, &grid.volume_from_voxel())).collect(),
             look: sane(look),
             layers: layers.cloned().unwrap_or_default(),
-            bounds: shown.bounds,
+            bounds,
+            lattice: deformed
+                .map(|(_, shown)| ExtractedLattice { lattice: shown.shared(), revision: shown.revision() }),
             own_colours: shown.colours == ColourSource::Voxels,
             revision: shown.revision,
             is_all_new: is_whole || (is_next && shown.changes.table),
-            cut: if is_next { shown.changes.voxels.clone() } else { Vec::new() },
+            cut: changed,
             is_whole,
             uploads: if is_whole {
                 all_texels(volume, cut, shown)
@@ -221,14 +239,29 @@ fn sane(look: &VolumeLook) -> VolumeLook {
 pub(super) fn bound_volumes(
     mut commands: Commands,
     volumes: Res<Assets<Volume>>,
-    shown: Query<(Entity, &CtVolume, Option<&Aabb>)>,
+    shown: Query<(Entity, &CtVolume, Option<&DeformLattice>, Option<&Aabb>)>,
 ) {
-    for (entity, source, bounded) in &shown {
+    for (entity, source, lattice, bounded) in &shown {
         let Some(volume) = volumes.get(&source.0) else { continue };
         let half: Vec3 = volume.grid().half_axes_m().iter().map(|axis| axis.abs()).sum();
-        let bounds = Aabb { center: Vec3::ZERO.into(), half_extents: half.into() };
+        let mut bounds = Aabb { center: Vec3::ZERO.into(), half_extents: half.into() };
+        if let Some(lattice) = lattice {
+            let size = volume.grid().size.as_vec3();
+            let (low, high) = shown_box(lattice, volume.grid(), Vec3::splat(-0.5), size - 0.5);
+            bounds = box_around(&volume.grid().volume_from_voxel(), low, high);
+        }
         if bounded != Some(&bounds) {
             commands.entity(entity).try_insert(bounds);
         }
+    }
+}
+
+/// The culling box of what lies between voxel coordinates.
+fn box_around(volume_from_voxel: &bevy::math::Affine3A, low: Vec3, high: Vec3) -> Aabb {
+    let (centre, half) = ((low + high) * 0.5, (high - low) * 0.5);
+    let matrix = volume_from_voxel.matrix3;
+    Aabb {
+        center: volume_from_voxel.transform_point3(centre).into(),
+        half_extents: (matrix.x_axis.abs() * half.x + matrix.y_axis.abs() * half.y + matrix.z_axis.abs() * half.z),
     }
 }

@@ -5,6 +5,7 @@
 
 mod extract;
 mod gpu;
+mod lattices;
 mod pass;
 mod patches;
 mod pipelines;
@@ -16,12 +17,13 @@ mod texels;
 mod uniform;
 mod views;
 
+pub use lattices::DeformUniform;
 pub use redraws::VolumeRedraws;
 pub use uniform::VolumeUniform;
 
 use crate::organ::render::PrepareOrgans;
 use crate::render::VolumePasses;
-use crate::volume::CtVolume;
+use crate::volume::{CtVolume, FollowLattices};
 use bevy::asset::AssetEventSystems;
 use bevy::camera::visibility::{VisibilityClass, VisibilitySystems, add_visibility_class};
 use bevy::core_pipeline::schedule::Core3d;
@@ -43,6 +45,7 @@ pub(super) fn build(app: &mut App) {
             shown::follow_changes.after(AssetEventSystems),
             extract::bound_volumes
                 .after(AssetEventSystems)
+                .after(FollowLattices)
                 .after(VisibilitySystems::CalculateBounds)
                 .before(VisibilitySystems::CheckVisibility),
         ),
@@ -52,12 +55,15 @@ pub(super) fn build(app: &mut App) {
         .init_resource::<extract::ExtractedVolumes>()
         .init_resource::<VolumeRedraws>()
         .init_gpu_resource::<gpu::VolumeTextures>()
+        .init_gpu_resource::<lattices::VolumeLattices>()
         .init_gpu_resource::<views::VolumeViews>()
         .add_systems(RenderStartup, pipelines::init.after(PrepareOrgans))
         .add_systems(ExtractSchedule, (extract::extract_volumes, redraws::start_frame))
         .add_systems(
             Render,
-            (gpu::write_textures, views::prepare_views).chain().in_set(RenderSystems::PrepareResources),
+            (gpu::write_textures, lattices::write_lattices, views::prepare_views)
+                .chain()
+                .in_set(RenderSystems::PrepareResources),
         )
         .add_systems(Core3d, pass::draw_volumes.in_set(VolumePasses));
 }

@@ -1,9 +1,10 @@
 //! Draws volumes into a view: walk, smooth, shade where something changed; then into the picture.
 
 use super::gpu::{GpuVolume, VolumeTextures};
+use super::lattices::VolumeLattices;
 use super::pipelines::{PipelineKey, VolumePipelines};
 use super::redraws::VolumeRedraws;
-use super::views::{VolumeView, VolumeViews, grown};
+use super::views::{SQUARE_PX, VolumeView, VolumeViews, grown};
 use crate::organ::render::{OrganBindGroups, OrganPipelineKey, OrganSides};
 use bevy::core_pipeline::tonemapping::Tonemapping;
 use bevy::prelude::*;
@@ -35,6 +36,8 @@ struct Drawing<'a> {
     plane_group: &'a BindGroup,
     volume: &'a VolumeView,
     redraws: &'a VolumeRedraws,
+    /// Of a volume that is deformed.
+    lattice_group: Option<&'a BindGroup>,
 }
 
 impl Drawing<'_> {
@@ -92,7 +95,7 @@ impl Drawing<'_> {
         let patches = patches.iter().filter(|pixels| !pixels.is_empty());
         for (k, &pixels) in patches.enumerate() {
             match key {
-                PipelineKey::March { .. } | PipelineKey::Slices { .. } => self.redraws.add_walked(pixels),
+                PipelineKey::March(_) | PipelineKey::Slices(_) => self.redraws.add_walked(pixels),
                 PipelineKey::Wet => self.redraws.add_shaded(pixels),
                 _ => {}
             }
@@ -101,6 +104,11 @@ impl Drawing<'_> {
                 pass.set_bind_group(0, self.view_group, &[self.view_offset]);
                 pass.set_bind_group(1, group_1, &[self.volume.offset]);
                 pass.set_bind_group(2, group_2, &[]);
+                if key.is_deformed()
+                    && let Some(lattice) = self.lattice_group
+                {
+                    pass.set_bind_group(3, lattice, &[]);
+                }
             }
             pass.set_scissor_rect(pixels.min.x, pixels.min.y, pixels.width(), pixels.height());
             match vertices {
@@ -117,7 +125,7 @@ impl Drawing<'_> {
     fn walk(&self, ctx: &mut RenderContext, gpu: &GpuVolume, uniform: &BindingResource, scene: &ViewDepthTexture) {
         let volume = self.volume;
         let buffers = &volume.buffers;
-        let (multisampled, own_colours) = (volume.multisampled, volume.own_colours);
+        let variant = volume.variant;
         let walk_group = self.device.create_bind_group(
             "volume_walk",
             &self.cache.get_bind_group_layout(&self.pipelines.walk),
@@ -134,21 +142,33 @@ impl Drawing<'_> {
         );
         let scene_group = self.device.create_bind_group(
             "volume_scene",
-            &self.cache.get_bind_group_layout(&self.pipelines.scene[usize::from(multisampled)]),
+            &self.cache.get_bind_group_layout(&self.pipelines.scene[usize::from(variant.multisampled)]),
             &BindGroupEntries::single(scene.view()),
         );
         let none = LinearRgba::NONE;
         let (relief, depth) = ((&buffers.relief, NOTHING), (&buffers.depth, none));
         match &buffers.sums {
             None => {
-                let key = PipelineKey::March { multisampled, own_colours };
+                let Some(starts) = &buffers.starts else { return };
+                let bounds = volume.walk.bounds();
+                let squares = URect { min: bounds.min / SQUARE_PX, max: bounds.max.map(|end| end.div_ceil(SQUARE_PX)) };
+                let nothing = self.inputs([]);
+                let (into, patches) = ([(starts, none)], [squares]);
+                let key = PipelineKey::Start(variant);
+                self.pass(ctx, "volume_start", key, &into, true, &patches, &walk_group, &nothing, None);
+                let scene_group = self.device.create_bind_group(
+                    "volume_march_scene",
+                    &self.cache.get_bind_group_layout(&self.pipelines.march_scene[usize::from(variant.multisampled)]),
+                    &BindGroupEntries::sequential((scene.view(), starts)),
+                );
+                let key = PipelineKey::March(variant);
                 let into = [(&buffers.colour, none), relief, depth];
                 let pixels = volume.walk.disjoint();
                 self.pass(ctx, "volume_march", key, &into, volume.is_all, &pixels, &walk_group, &scene_group, None);
             }
             Some((gradients, depths)) => {
                 // Blending cannot be taken back: all slices are drawn again.
-                let key = PipelineKey::Slices { multisampled, own_colours };
+                let key = PipelineKey::Slices(variant);
                 let into = [(&buffers.colour, none), (gradients, none), (depths, none)];
                 let pixels = if volume.slices.is_some() { volume.seen } else { URect::EMPTY };
                 let slices = volume.slices.as_ref();
@@ -158,7 +178,7 @@ impl Drawing<'_> {
                 self.pass(
                     ctx,
                     "volume_resolve",
-                    PipelineKey::Resolve,
+                    PipelineKey::Resolve { deformed: variant.deformed },
                     &into,
                     true,
                     &[volume.seen],
@@ -260,6 +280,7 @@ pub(super) fn draw_volumes(
     cache: Res<PipelineCache>,
     textures: Res<VolumeTextures>,
     kept: Res<VolumeViews>,
+    lattices: Res<VolumeLattices>,
     groups: Res<OrganBindGroups>,
     redraws: Res<VolumeRedraws>,
     mut ctx: RenderContext,
@@ -273,7 +294,17 @@ pub(super) fn draw_volumes(
         let Some(gpu) = textures.get(volume_entity) else { continue };
         let layout = cache.get_bind_group_layout(&pipelines.plane);
         let plane_group = device.create_bind_group("volume_plane", &layout, &BindGroupEntries::single(uniform.clone()));
+        let lattice_group = lattices.get(volume_entity).and_then(|lattice| {
+            let layout = cache.get_bind_group_layout(&pipelines.lattice);
+            let entries = BindGroupEntries::sequential((lattice.uniform()?, &lattice.nodes, &lattice.matrices));
+            Some(device.create_bind_group("volume_lattice", &layout, &entries))
+        });
+        // Removed from the lists of this frame, but still among the buffers: shown as it was.
+        if volume.variant.deformed && lattice_group.is_none() {
+            continue;
+        }
         let drawing = Drawing {
+            lattice_group: lattice_group.as_ref(),
             pipelines: &pipelines,
             cache: &cache,
             device: &device,

@@ -1,7 +1,8 @@
 //! The pipelines that draw volumes, made when the first volume asks for them.
 
+use super::lattices::DeformUniform;
 use super::uniform::VolumeUniform;
-use super::views::{COLOUR_FORMAT, DEPTH_FORMAT, RELIEF_FORMAT, depth_sum_format};
+use super::views::{COLOUR_FORMAT, DEPTH_FORMAT, RELIEF_FORMAT, START_FORMAT, depth_sum_format};
 use crate::organ::render::{OrganLayouts, OrganPipelineKey};
 use crate::render::{shader_path, tonemapping_definitions};
 use crate::volume::VolumeMethod;
@@ -16,15 +17,30 @@ use bevy::render::render_resource::{
 use bevy::render::renderer::RenderDevice;
 use bevy::shader::ShaderDefVal;
 
+/// Kinds of a volume and of a view that walk through it differently.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
+pub(super) struct WalkVariant {
+    /// The view has several samples per pixel.
+    pub multisampled: bool,
+    /// The voxels have colours of their own.
+    pub own_colours: bool,
+    /// A lattice deforms it.
+    pub deformed: bool,
+    /// Light falls on it.
+    pub lit: bool,
+}
+
 /// What a pipeline is for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub(super) enum PipelineKey {
+    /// How far squares of rays pass over nothing.
+    Start(WalkVariant),
     /// Rays through the volume.
-    March { multisampled: bool, own_colours: bool },
+    March(WalkVariant),
     /// Slices of the volume.
-    Slices { multisampled: bool, own_colours: bool },
+    Slices(WalkVariant),
     /// From blended slices to what a ray leaves.
-    Resolve,
+    Resolve { deformed: bool },
     /// One pass of smoothing.
     Smooth,
     /// Light and reflections.
@@ -44,11 +60,15 @@ pub(super) struct VolumePipelines {
     pub plane: BindGroupLayoutDescriptor,
     /// Group 2 of what walks: the scene's depth, of one sample or of several.
     pub scene: [BindGroupLayoutDescriptor; 2],
+    /// Group 2 of rays: the scene's depth, and where they start.
+    pub march_scene: [BindGroupLayoutDescriptor; 2],
+    /// Group 3 of what is deformed: its lattice.
+    pub lattice: BindGroupLayoutDescriptor,
     /// Group 2 of the others: as many textures.
     inputs: [BindGroupLayoutDescriptor; 5],
     pub sampler: Sampler,
     depth_sum: TextureFormat,
-    shaders: [Handle<Shader>; 6],
+    shaders: [Handle<Shader>; 7],
     ids: HashMap<PipelineKey, CachedRenderPipelineId>,
 }
 
@@ -89,13 +109,27 @@ pub(super) fn init(
     let scene = |entry: BindGroupLayoutEntryBuilder| {
         BindGroupLayoutDescriptor::new("volume_scene_layout", &BindGroupLayoutEntries::single(in_fragments, entry))
     };
+    let march_scene = |entry: BindGroupLayoutEntryBuilder| {
+        let entries = BindGroupLayoutEntries::sequential(in_fragments, (entry, unfiltered()));
+        BindGroupLayoutDescriptor::new("volume_march_scene_layout", &entries)
+    };
     let plane = BindGroupLayoutEntries::single(in_fragments, uniform());
+    let lattice = BindGroupLayoutEntries::sequential(
+        in_fragments,
+        (
+            uniform_buffer::<DeformUniform>(false),
+            filtered(),
+            texture_3d(TextureSampleType::Float { filterable: false }),
+        ),
+    );
     let shader = |name: &str| assets.load(shader_path(&format!("volume/{name}.wgsl")));
     commands.insert_resource(VolumePipelines {
         view: layouts.view.clone(),
         walk: BindGroupLayoutDescriptor::new("volume_walk_layout", &walk),
         plane: BindGroupLayoutDescriptor::new("volume_plane_layout", &plane),
         scene: [scene(texture_depth_2d()), scene(texture_depth_2d_multisampled())],
+        march_scene: [march_scene(texture_depth_2d()), march_scene(texture_depth_2d_multisampled())],
+        lattice: BindGroupLayoutDescriptor::new("volume_lattice_layout", &lattice),
         inputs: std::array::from_fn(textures),
         sampler: device.create_sampler(&SamplerDescriptor {
             label: Some("volume"),
@@ -104,7 +138,7 @@ pub(super) fn init(
             ..default()
         }),
         depth_sum: depth_sum_format(&device),
-        shaders: ["march", "slices", "resolve", "smooth", "wet", "composite"].map(shader),
+        shaders: ["march", "slices", "resolve", "smooth", "wet", "composite", "start"].map(shader),
         ids: HashMap::default(),
     });
 }
@@ -124,16 +158,20 @@ const OVER: BlendState = BlendState {
 };
 
 impl PipelineKey {
+    /// Whether the pipeline reads a lattice.
+    pub fn is_deformed(self) -> bool {
+        match self {
+            Self::Start(variant) | Self::March(variant) | Self::Slices(variant) => variant.deformed,
+            Self::Resolve { deformed } => deformed,
+            _ => false,
+        }
+    }
+
     /// All that a volume takes in a view.
-    fn of_view(
-        method: VolumeMethod,
-        multisampled: bool,
-        own_colours: bool,
-        target: OrganPipelineKey,
-    ) -> impl Iterator<Item = Self> {
+    fn of_view(method: VolumeMethod, variant: WalkVariant, target: OrganPipelineKey) -> impl Iterator<Item = Self> {
         let (first, second) = match method {
-            VolumeMethod::Rays => (Self::March { multisampled, own_colours }, None),
-            VolumeMethod::Slices => (Self::Slices { multisampled, own_colours }, Some(Self::Resolve)),
+            VolumeMethod::Rays => (Self::March(variant), Some(Self::Start(variant))),
+            VolumeMethod::Slices => (Self::Slices(variant), Some(Self::Resolve { deformed: variant.deformed })),
         };
         let composites = [true, false].map(|is_solid| Self::Composite { target, is_solid });
         [first, Self::Smooth, Self::Wet].into_iter().chain(second).chain(composites)
@@ -146,12 +184,11 @@ impl VolumePipelines {
         &mut self,
         cache: &PipelineCache,
         method: VolumeMethod,
-        multisampled: bool,
-        own_colours: bool,
+        variant: WalkVariant,
         target: OrganPipelineKey,
     ) -> bool {
         let mut are_ready = true;
-        for key in PipelineKey::of_view(method, multisampled, own_colours, target) {
+        for key in PipelineKey::of_view(method, variant, target) {
             if !self.ids.contains_key(&key) {
                 let id = cache.queue_render_pipeline(self.descriptor(key));
                 self.ids.insert(key, id);
@@ -175,24 +212,25 @@ impl VolumePipelines {
         let target = |format, blend| Some(ColorTargetState { format, blend, write_mask: ColorWrites::ALL });
         let plain = |format| target(format, None);
         let (label, shader, group_1, group_2, targets) = match key {
-            PipelineKey::March { multisampled, .. } => (
+            PipelineKey::Start(_) => ("volume_start", 6, &self.walk, &self.inputs[0], vec![plain(START_FORMAT)]),
+            PipelineKey::March(variant) => (
                 "volume_march",
                 0,
                 &self.walk,
-                &self.scene[usize::from(multisampled)],
+                &self.march_scene[usize::from(variant.multisampled)],
                 vec![plain(COLOUR_FORMAT), plain(RELIEF_FORMAT), plain(DEPTH_FORMAT)],
             ),
-            PipelineKey::Slices { multisampled, .. } => {
+            PipelineKey::Slices(variant) => {
                 let over = |format| target(format, Some(OVER));
                 (
                     "volume_slices",
                     1,
                     &self.walk,
-                    &self.scene[usize::from(multisampled)],
+                    &self.scene[usize::from(variant.multisampled)],
                     vec![over(COLOUR_FORMAT), over(COLOUR_FORMAT), over(self.depth_sum)],
                 )
             }
-            PipelineKey::Resolve => {
+            PipelineKey::Resolve { .. } => {
                 ("volume_resolve", 2, &self.plane, &self.inputs[3], vec![plain(RELIEF_FORMAT), plain(DEPTH_FORMAT)])
             }
             PipelineKey::Smooth => ("volume_smooth", 3, &self.plane, &self.inputs[1], vec![plain(RELIEF_FORMAT)]),
@@ -205,9 +243,10 @@ impl VolumePipelines {
         let mut depth_stencil = None;
         let mut samples = 1;
         match key {
-            PipelineKey::March { multisampled, own_colours } | PipelineKey::Slices { multisampled, own_colours } => {
-                definitions.extend(multisampled.then(|| "MULTISAMPLED".into()));
-                definitions.extend(own_colours.then(|| "OWN_COLOURS".into()));
+            PipelineKey::Start(variant) | PipelineKey::March(variant) | PipelineKey::Slices(variant) => {
+                definitions.extend(variant.multisampled.then(|| "MULTISAMPLED".into()));
+                definitions.extend(variant.own_colours.then(|| "OWN_COLOURS".into()));
+                definitions.extend(variant.lit.then(|| "LIT".into()));
             }
             PipelineKey::Composite { target, is_solid } => {
                 samples = target.samples;
@@ -222,13 +261,18 @@ impl VolumePipelines {
                     bias: default(),
                 });
             }
-            _ => {}
+            PipelineKey::Resolve { .. } | PipelineKey::Smooth | PipelineKey::Wet => {}
+        }
+        let mut layout = vec![self.view.clone(), group_1.clone(), group_2.clone()];
+        if key.is_deformed() {
+            definitions.push("DEFORMED".into());
+            layout.push(self.lattice.clone());
         }
         let shader_handle = self.shaders[shader].clone();
         let corners = VertexBufferLayout::from_vertex_formats(VertexStepMode::Vertex, [VertexFormat::Float32x4]);
         RenderPipelineDescriptor {
             label: Some(label.into()),
-            layout: vec![self.view.clone(), group_1.clone(), group_2.clone()],
+            layout,
             vertex: VertexState {
                 shader: shader_handle.clone(),
                 shader_defs: definitions.clone(),

@@ -2,7 +2,7 @@
 
 use super::extract::{ExtractedVolume, ExtractedVolumes};
 use super::patches::Patches;
-use super::pipelines::VolumePipelines;
+use super::pipelines::{VolumePipelines, WalkVariant};
 use super::scene::SceneChanges;
 use super::uniform::{Rays, VolumeUniform, depth_projection, near_m};
 use crate::organ::render::{OrganPipelineKey, OrganSides};
@@ -27,6 +27,11 @@ pub(super) const RELIEF_FORMAT: TextureFormat = TextureFormat::Rgba16Float;
 /// Mean depth and depth of the end of the ray, metres.
 pub(super) const DEPTH_FORMAT: TextureFormat = TextureFormat::Rg32Float;
 
+/// Depth up to which rays pass over nothing, metres.
+pub(super) const START_FORMAT: TextureFormat = TextureFormat::R32Float;
+/// Pixels along the side of the squares whose rays have one such depth. Twin in `shaders/volume/walk.wgsl`.
+pub(super) const SQUARE_PX: u32 = 8;
+
 /// Sums over blended depths: in single precision where the adapter can blend it.
 pub(super) fn depth_sum_format(device: &RenderDevice) -> TextureFormat {
     if device.features().contains(WgpuFeatures::FLOAT32_BLENDABLE) {
@@ -37,17 +42,18 @@ pub(super) fn depth_sum_format(device: &RenderDevice) -> TextureFormat {
 }
 
 /// Everything that the walk through a volume depends on, but for what was cut and where the scene changed.
-#[derive(PartialEq)]
+#[derive(Clone, PartialEq)]
 struct WalkKey {
     clip_from_view: Mat4,
     world_from_view: Mat4,
     world_from_voxel: Mat4,
     viewport: URect,
-    samples: u32,
     method: VolumeMethod,
+    variant: WalkVariant,
     step_voxels: f32,
     clip_planes: Vec<Vec4>,
-    own_colours: bool,
+    /// State of the lattice that deforms it.
+    lattice: Option<u64>,
     mask: Option<ScopeMaskUniform>,
 }
 
@@ -66,10 +72,9 @@ pub(super) struct VolumeView {
     shade_key: Option<ShadeKey>,
     /// Offset of its [`VolumeUniform`].
     pub offset: u32,
-    /// Slices or rays, and where colours come from.
+    /// Slices or rays, and which kind of them.
     pub method: VolumeMethod,
-    pub own_colours: bool,
-    pub multisampled: bool,
+    pub variant: WalkVariant,
     pub viewport: URect,
     /// Passes of smoothing.
     pub passes: u32,
@@ -95,13 +100,15 @@ pub(super) struct Buffers {
     pub smoothed: TextureView,
     pub depth: TextureView,
     pub lit: TextureView,
+    /// Depths where rays start; rays only.
+    pub starts: Option<TextureView>,
     /// Sums of gradients and depths; slices only.
     pub sums: Option<(TextureView, TextureView)>,
 }
 
 impl Buffers {
     fn new(device: &RenderDevice, size: UVec2, method: VolumeMethod) -> Self {
-        let texture = |format| {
+        let sized = |size: UVec2, format| {
             device
                 .create_texture(&TextureDescriptor {
                     label: Some("volume_view"),
@@ -115,6 +122,7 @@ impl Buffers {
                 })
                 .create_view(&default())
         };
+        let texture = |format| sized(size, format);
         Self {
             size,
             colour: texture(COLOUR_FORMAT),
@@ -124,6 +132,8 @@ impl Buffers {
             smoothed: texture(RELIEF_FORMAT),
             depth: texture(DEPTH_FORMAT),
             lit: texture(COLOUR_FORMAT),
+            starts: (method == VolumeMethod::Rays)
+                .then(|| sized(size.map(|side| side.div_ceil(SQUARE_PX)), START_FORMAT)),
             sums: (method == VolumeMethod::Slices).then(|| (texture(COLOUR_FORMAT), texture(depth_sum_format(device)))),
         }
     }
@@ -186,28 +196,38 @@ pub(super) fn prepare_views(
                 .as_ref()
                 .map(|scene| strongest_lights(scene, volume.centre_world_m, &volume.layers))
                 .unwrap_or_default();
-            let samples = msaa.samples();
+            let variant = WalkVariant {
+                multisampled: msaa.samples() > 1,
+                own_colours: volume.own_colours,
+                deformed: volume.lattice.is_some(),
+                lit: volume.look.wet.is_shaded,
+            };
             let uniform = uniform_of(volume, view, viewport, lights);
             let walk_key = WalkKey {
                 clip_from_view: view.clip_from_view,
                 world_from_view: view.world_from_view.to_matrix(),
                 world_from_voxel: volume.world_from_voxel,
                 viewport,
-                samples,
                 method: volume.look.method,
+                variant,
                 step_voxels: volume.look.step_voxels,
                 clip_planes: volume.clip_planes.clone(),
-                own_colours: volume.own_colours,
+                lattice: volume.lattice.as_ref().map(|lattice| lattice.revision),
                 mask: mask.copied(),
             };
-            let shade_key = ShadeKey { lights, exposure: camera.exposure, look: volume.look.clone() };
             let was = before.get_mut(&entity).and_then(|own| own.remove(&volume.entity));
+            // Gradients that are there already stay when the light goes out.
+            let lit_key = WalkKey { variant: WalkVariant { lit: true, ..variant }, ..walk_key.clone() };
+            let was_lit = was.as_ref().is_some_and(|was| was.walk_key.as_ref() == Some(&lit_key));
+            let walk_key = if was_lit { lit_key } else { walk_key };
+            let variant = walk_key.variant;
+            let shade_key = ShadeKey { lights, exposure: camera.exposure, look: volume.look.clone() };
             let mut now = was
                 .filter(|was| was.buffers.size == viewport.size() && was.method == volume.look.method)
                 .unwrap_or_else(|| VolumeView::new(Buffers::new(&device, viewport.size(), volume.look.method)));
             touched.push((volume.entity, now.decide_walk(volume, &changes, &seen, walk_key)));
             let target = OrganPipelineKey::of_view(view, camera, msaa, tonemapping, OrganSides::default());
-            let is_ready = pipelines.are_ready(&cache, volume.look.method, samples > 1, volume.own_colours, target);
+            let is_ready = pipelines.are_ready(&cache, volume.look.method, variant, target);
             now.offset = kept.uniforms.push(&uniform);
             now.depth_m = -view.world_from_view.affine().inverse().transform_point3(volume.centre_world_m).z;
             drawn.push((volume, now, shade_key, is_ready, uniform));
@@ -316,8 +336,7 @@ impl VolumeView {
             shade_key: None,
             offset: 0,
             method: default(),
-            own_colours: false,
-            multisampled: false,
+            variant: WalkVariant::default(),
             viewport: URect::EMPTY,
             passes: 0,
             seen: URect::EMPTY,
@@ -345,9 +364,7 @@ impl VolumeView {
         if self.is_all {
             walk.add(self.seen);
         } else {
-            for of in &volume.cut {
-                // The gradients around it changed too, and samples are interpolated.
-                let (low, high) = (of.min.as_vec3() - 2.5, of.max.as_vec3() + 1.5);
+            for &(low, high) in &volume.cut {
                 walk.add(view.of_box(volume.world_from_voxel, low, high));
             }
             if changes.everywhere {
@@ -364,8 +381,7 @@ impl VolumeView {
         }
         let bounds = walk.bounds();
         self.walk = walk;
-        (self.method, self.own_colours) = (volume.look.method, volume.own_colours);
-        (self.multisampled, self.viewport) = (walk_key.samples > 1, walk_key.viewport);
+        (self.method, self.variant, self.viewport) = (walk_key.method, walk_key.variant, walk_key.viewport);
         self.walk_key = Some(walk_key);
         if self.is_all { united(was_seen, bounds) } else { bounds }
     }

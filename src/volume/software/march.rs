@@ -1,6 +1,7 @@
 //! Ray casting: front to back, over empty space, until nothing shines through.
 
 use super::{ENOUGH_OPACITY, RenderField, ViewRays, VoxelRay};
+use crate::volume::VoxelLattice;
 use crate::volume::blocks::{BLOCK_SIDE, BlockDistances, block_at};
 use crate::volume::transfer::TransferTable;
 use bevy::reflect::Reflect;
@@ -13,6 +14,8 @@ use std::ops::AddAssign;
 pub struct MarchScene<'a> {
     /// The voxels.
     pub field: &'a RenderField,
+    /// What deforms them, if anything does.
+    pub lattice: Option<&'a VoxelLattice>,
     /// Straight colour (linear) and opacity of one step for the values from 0 to 1.
     pub table: &'a [[f32; 4]],
     /// Where nothing shows, of the same voxels and table; without it every sample is taken.
@@ -124,8 +127,13 @@ pub(super) fn draw(
                 colour[x] = pixel.colour.to_array();
                 end_depth_m[x] = pixel.end_depth_m;
                 if pixel.colour.w > 0.0 {
-                    normal[x] = rays.normal_of(ray, pixel.gradient).to_array();
                     depth_m[x] = pixel.weighted_depth_m / pixel.colour.w;
+                    // Gradients are those at rest; the field turns them on their way to the picture.
+                    let gradient = match scene.lattice {
+                        Some(lattice) => lattice.slope_at(ray.at(depth_m[x])).transpose() * pixel.gradient,
+                        None => pixel.gradient,
+                    };
+                    normal[x] = rays.normal_of(ray, gradient).to_array();
                     counts.covered += 1;
                 }
             }
@@ -150,10 +158,14 @@ fn drawn_range(ray: VoxelRay, scene: &MarchScene, scene_m: f32) -> Option<((i32,
             to = f32::NEG_INFINITY;
         }
     };
-    let last = scene.field.size().as_vec3() - 0.5;
+    let (mut low, mut high) = (Vec3::splat(-0.5), scene.field.size().as_vec3() - 0.5);
+    if let Some(lattice) = scene.lattice {
+        let (least, most) = lattice.translation_bounds();
+        (low, high) = (low - most, high - least);
+    }
     for axis in 0..3 {
-        bound(ray.origin[axis] + 0.5, ray.along[axis]);
-        bound(last[axis] - ray.origin[axis], -ray.along[axis]);
+        bound(ray.origin[axis] - low[axis], ray.along[axis]);
+        bound(high[axis] - ray.origin[axis], -ray.along[axis]);
     }
     for plane in scene.clip_planes {
         bound(plane.truncate().dot(ray.origin) + plane.w, plane.truncate().dot(ray.along));
@@ -175,10 +187,13 @@ fn march_ray(
     let mut known = i32::MIN;
     while plane <= last {
         let depth_m = plane as f32 * scene.step_m;
-        let at = ray.at(depth_m);
+        let at = scene.rest_at(ray.at(depth_m));
         if plane > known {
             counts.lookups += 1;
-            let (is_empty, next) = look_ahead(ray, at, plane, scene);
+            let (is_empty, next) = match scene.lattice {
+                None => look_ahead(ray, at, plane, scene),
+                Some(lattice) => look_ahead_deformed(ray, at, plane, scene, lattice),
+            };
             if is_empty {
                 counts.skips += 1;
                 plane = next;
@@ -225,11 +240,35 @@ fn look_ahead(ray: VoxelRay, at: Vec3, plane: i32, scene: &MarchScene) -> (bool,
     (distance > 0, next_plane(exit_m / scene.step_m).max(plane + 1))
 }
 
+/// As [`look_ahead`] where matter moves by at most so fast: the first plane at which matter of another block may be shown.
+fn look_ahead_deformed(ray: VoxelRay, at: Vec3, plane: i32, scene: &MarchScene, lattice: &VoxelLattice) -> (bool, i32) {
+    let Some(distances) = scene.distances else { return (false, i32::MAX) };
+    let at = (at + 0.5) / BLOCK_SIDE as f32;
+    let block = at.floor();
+    let inside = block.clamp(Vec3::ZERO, distances.blocks().as_vec3() - 1.0);
+    // Beyond the grid it is as far to what shows something as it is to the grid, or as from the grid's nearest block.
+    let distance = f32::from(distances.distance(inside.as_uvec3())).max((block - inside).abs().max_element());
+    let reach = (distance - 1.0).max(0.0);
+    let (slow, fast) = lattice.speeds(ray.along * (scene.step_m / BLOCK_SIDE as f32));
+    let forth = (block + reach + 1.0 - at) / fast.max(Vec3::splat(1e-9));
+    let back = (block - reach - at) / slow.min(Vec3::splat(-1e-9));
+    let steps = forth.min(back).min_element();
+    (distance > 0.0, plane.saturating_add(next_plane(steps).max(1)))
+}
+
 /// The first whole number that is not below a number; quicker than `ceil` on processors without an instruction for it.
 #[inline]
 fn next_plane(planes: f32) -> i32 {
     let whole = planes as i32;
     whole.saturating_add(i32::from((whole as f32) < planes))
+}
+
+impl MarchScene<'_> {
+    /// Where the matter rests that is shown at a place; both in voxel coordinates.
+    #[inline]
+    pub(super) fn rest_at(&self, shown_voxel: Vec3) -> Vec3 {
+        self.lattice.map_or(shown_voxel, |lattice| lattice.rest_from_shown(shown_voxel))
+    }
 }
 
 /// What a ray or a slice takes from a place.
@@ -239,10 +278,14 @@ pub(super) struct Sample {
     pub gradient: Vec3,
 }
 
-/// The sample at a place; `None` without opacity.
+/// The sample at a place at rest; `None` without opacity.
 #[inline]
 pub(super) fn sample(scene: &MarchScene, at: Vec3) -> Option<Sample> {
     let field = scene.field;
+    // A lattice may lead beyond the grid, where nothing is.
+    if scene.lattice.is_some() && (at.cmplt(Vec3::splat(-0.5)).any() || at.cmpgt(field.size().as_vec3() - 0.5).any()) {
+        return None;
+    }
     let corners = field.corners(at);
     let &[r, g, b, opacity] = scene.table.get(TransferTable::index(field.value_at(&corners)))?;
     if opacity <= 0.0 {

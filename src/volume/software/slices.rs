@@ -11,7 +11,7 @@ pub fn composite_slices(rays: &ViewRays, scene: &MarchScene) -> VolumeImage {
         for plane in (first..=last).rev() {
             let depth_m = plane as f32 * scene.step_m;
             counts.samples += 1;
-            let Some(sample) = sample(scene, ray.at(depth_m)) else { continue };
+            let Some(sample) = sample(scene, scene.rest_at(ray.at(depth_m))) else { continue };
             counts.visible_samples += 1;
             let (opacity, behind) = (sample.opacity, 1.0 - sample.opacity);
             pixel.colour = sample.colour.extend(1.0) * opacity + pixel.colour * behind;

@@ -1,0 +1,117 @@
+//! Volumes that a lattice deforms, in the ECS: what picking, drilling and drawing read of the lattice.
+
+use super::lattice::voxel_from_box;
+use super::{CtVolume, PrepareCuts, Volume, VolumeGrid, VoxelLattice};
+use crate::deform::DeformLattice;
+use crate::schedule::SurgerySystems;
+use bevy::math::{DAffine3, DVec3};
+use bevy::prelude::*;
+use std::sync::Arc;
+
+/// The [`DeformLattice`] of a [`CtVolume`] in its voxel coordinates. Kept beside it: as it is since the last step, and, when the
+/// frame is drawn, as it is then.
+#[derive(Component, Clone, Debug, PartialEq, Reflect)]
+#[reflect(opaque)]
+#[reflect(Component, Clone, Debug, PartialEq)]
+pub struct DeformedVolume {
+    lattice: Arc<VoxelLattice>,
+    revision: u64,
+}
+
+impl DeformedVolume {
+    /// The field.
+    pub fn lattice(&self) -> &VoxelLattice {
+        &self.lattice
+    }
+
+    /// The same, to be kept.
+    #[cfg(feature = "render")]
+    pub(super) fn shared(&self) -> Arc<VoxelLattice> {
+        self.lattice.clone()
+    }
+
+    /// No two states of any lattice of an app have the same.
+    pub fn revision(&self) -> u64 {
+        self.revision
+    }
+}
+
+/// In [`SurgerySystems::Publish`] and before a frame is drawn: volumes follow their lattices.
+#[derive(SystemSet, Debug, Clone, Copy, PartialEq, Eq, Hash)]
+pub struct FollowLattices;
+
+/// The last revision that was given.
+#[derive(Resource, Default)]
+struct Revisions(u64);
+
+pub(super) fn build(app: &mut App) {
+    app.register_type::<DeformedVolume>()
+        .init_resource::<Revisions>()
+        // Lattices may come and move between the steps.
+        .add_systems(PreUpdate, follow_lattices.in_set(FollowLattices).after(PrepareCuts))
+        .add_systems(FixedUpdate, follow_lattices.in_set(FollowLattices).in_set(SurgerySystems::Publish))
+        .add_systems(PostUpdate, follow_lattices.in_set(FollowLattices));
+}
+
+type Deformed = (Entity, &'static CtVolume, Ref<'static, DeformLattice>, Option<&'static mut DeformedVolume>);
+
+fn follow_lattices(
+    mut commands: Commands,
+    volumes: Res<Assets<Volume>>,
+    mut deformed: Query<Deformed>,
+    left: Query<Entity, (With<DeformedVolume>, Without<DeformLattice>)>,
+    mut revisions: ResMut<Revisions>,
+) {
+    for entity in &left {
+        commands.entity(entity).try_remove::<DeformedVolume>();
+    }
+    let are_replaced = volumes.is_changed();
+    for (entity, source, lattice, shown) in &mut deformed {
+        if !(lattice.is_changed() || are_replaced || shown.is_none()) {
+            continue;
+        }
+        let Some(volume) = volumes.get(&source.0) else { continue };
+        let now = VoxelLattice::new(&lattice, volume.grid());
+        if shown.as_ref().is_some_and(|shown| *shown.lattice == now) {
+            continue;
+        }
+        revisions.0 += 1;
+        let now = DeformedVolume { lattice: Arc::new(now), revision: revisions.0 };
+        match shown {
+            Some(mut shown) => *shown = now,
+            None => {
+                commands.entity(entity).try_insert(now);
+            }
+        }
+    }
+}
+
+/// Voxel coordinates between which a lattice shows some of the matter that rests in a box.
+pub(super) fn shown_box(lattice: &DeformLattice, grid: &VolumeGrid, low: Vec3, high: Vec3) -> (Vec3, Vec3) {
+    let none = (Vec3::INFINITY, Vec3::NEG_INFINITY);
+    shown_boxes(lattice, grid, low, high).fold(none, |all, one| (all.0.min(one.0), all.1.max(one.1)))
+}
+
+/// The same as one box for each patch that may show some of it.
+pub(super) fn shown_boxes(
+    lattice: &DeformLattice,
+    grid: &VolumeGrid,
+    low: Vec3,
+    high: Vec3,
+) -> impl Iterator<Item = (Vec3, Vec3)> {
+    let voxel_from_box = voxel_from_box(lattice, grid);
+    let around = |matrix: &DAffine3, low: DVec3, high: DVec3| {
+        let corners = (0..8).map(|n: usize| {
+            let side = |axis: usize| if n >> axis & 1 == 0 { low[axis] } else { high[axis] };
+            matrix.transform_point3(DVec3::new(side(0), side(1), side(2)))
+        });
+        corners.fold((DVec3::INFINITY, DVec3::NEG_INFINITY), |all, at| (all.0.min(at), all.1.max(at)))
+    };
+    let is_empty = low.cmpgt(high).any();
+    let (low, high) = around(&voxel_from_box.inverse(), low.as_dvec3(), high.as_dvec3());
+    let (low, high) = if is_empty { (DVec3::INFINITY, DVec3::NEG_INFINITY) } else { (low, high) };
+    lattice.shown_bounds(low, high).map(move |(low, high)| {
+        let (low, high) = around(&voxel_from_box, low, high);
+        (low.as_vec3(), high.as_vec3())
+    })
+}

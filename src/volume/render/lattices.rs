@@ -1,0 +1,127 @@
+//! Lattices that deform volumes, on their way to the GPU: each frame only what moved of them, some kilobytes.
+
+use super::extract::ExtractedVolumes;
+use crate::render::Uploads;
+use crate::volume::VoxelLattice;
+use bevy::prelude::*;
+use bevy::render::render_resource::*;
+use bevy::render::renderer::{RenderDevice, RenderQueue};
+use bevy::render::sync_world::MainEntity;
+use half::f16;
+use std::collections::BTreeMap;
+use std::sync::Arc;
+
+/// A lattice of this frame.
+pub(super) struct ExtractedLattice {
+    pub lattice: Arc<VoxelLattice>,
+    pub revision: u64,
+}
+
+/// A lattice as the shaders read it. Twin in `shaders/volume/deform.wgsl`.
+#[derive(Clone, Copy, Debug, Default, ShaderType)]
+pub struct DeformUniform {
+    /// Voxel coordinates to those in which the nodes are at whole numbers.
+    pub node_from_voxel: Mat4,
+    /// Least slopes of the place at rest by the place that is shown, voxels, in columns by axis.
+    pub slope_low: [Vec4; 3],
+    /// Their greatest values.
+    pub slope_high: [Vec4; 3],
+    /// Cells along a side.
+    pub cells: f32,
+    /// Which matrix leads gradients to the picture.
+    pub normals: u32,
+}
+
+/// A lattice on the GPU.
+pub(super) struct GpuLattice {
+    revision: u64,
+    cells: u32,
+    texture: Texture,
+    pub nodes: TextureView,
+    pub matrices: TextureView,
+    uniform: UniformBuffer<DeformUniform>,
+}
+
+impl GpuLattice {
+    pub fn uniform(&self) -> Option<BindingResource<'_>> {
+        self.uniform.binding()
+    }
+}
+
+/// Every lattice on the GPU.
+#[derive(Resource, Default)]
+pub(super) struct VolumeLattices(BTreeMap<MainEntity, GpuLattice>);
+
+impl VolumeLattices {
+    pub fn get(&self, entity: MainEntity) -> Option<&GpuLattice> {
+        self.0.get(&entity)
+    }
+}
+
+const NODE_FORMAT: TextureFormat = TextureFormat::Rgba16Float;
+
+fn create(device: &RenderDevice, size: UVec3, format: TextureFormat) -> Texture {
+    device.create_texture(&TextureDescriptor {
+        label: Some("volume_lattice"),
+        size: Extent3d { width: size.x, height: size.y, depth_or_array_layers: size.z },
+        mip_level_count: 1,
+        sample_count: 1,
+        dimension: TextureDimension::D3,
+        format,
+        usage: TextureUsages::TEXTURE_BINDING | TextureUsages::COPY_DST,
+        view_formats: &[],
+    })
+}
+
+/// Translations as texture coordinates of the field.
+fn node_texels(lattice: &VoxelLattice, size: UVec3) -> Vec<u8> {
+    let per_voxel = 1.0 / size.as_vec3();
+    let texel = |node: &Vec3| (*node * per_voxel).extend(0.0).to_array().map(f16::from_f32);
+    let texels: Vec<[f16; 4]> = lattice.nodes().iter().map(texel).collect();
+    texels.iter().flatten().flat_map(|part| part.to_le_bytes()).collect()
+}
+
+/// Writes the lattices that moved, and forgets those that left.
+pub(super) fn write_lattices(
+    mut kept: ResMut<VolumeLattices>,
+    extracted: Res<ExtractedVolumes>,
+    uploaded: Option<Res<Uploads>>,
+    device: Res<RenderDevice>,
+    queue: Res<RenderQueue>,
+) {
+    kept.0.retain(|&entity, _| extracted.get(entity).is_some_and(|volume| volume.lattice.is_some()));
+    for volume in &extracted.0 {
+        let Some(ExtractedLattice { lattice, revision }) = &volume.lattice else { continue };
+        let (cells, revision) = (lattice.cells(), *revision);
+        if kept.0.get(&volume.entity).is_some_and(|gpu| gpu.revision == revision) {
+            continue;
+        }
+        let was = kept.0.remove(&volume.entity).filter(|gpu| gpu.cells == cells);
+        let mut gpu = was.unwrap_or_else(|| {
+            let texture = create(&device, UVec3::splat(cells + 1), NODE_FORMAT);
+            let matrices = create(&device, UVec3::ONE, TextureFormat::Rgba32Float).create_view(&default());
+            let nodes = texture.create_view(&default());
+            GpuLattice { revision, cells, texture, nodes, matrices, uniform: default() }
+        });
+        gpu.revision = revision;
+        let texels = node_texels(lattice, volume.size);
+        let size = Extent3d { width: cells + 1, height: cells + 1, depth_or_array_layers: cells + 1 };
+        let rows =
+            TexelCopyBufferLayout { offset: 0, bytes_per_row: Some((cells + 1) * 8), rows_per_image: Some(cells + 1) };
+        queue.write_texture(gpu.texture.as_image_copy(), &texels, rows, size);
+        let (low, high) = lattice.slopes();
+        let columns = |matrix: Mat3| [0, 1, 2].map(|axis| matrix.col(axis).extend(0.0));
+        gpu.uniform.set(DeformUniform {
+            node_from_voxel: Mat4::from(lattice.node_from_voxel()),
+            slope_low: columns(low),
+            slope_high: columns(high),
+            cells: cells as f32,
+            normals: 0,
+        });
+        gpu.uniform.write_buffer(&device, &queue);
+        if let Some(uploaded) = uploaded.as_ref() {
+            uploaded.add_rectangles(2, texels.len() as u64 + DeformUniform::min_size().get());
+        }
+        kept.0.insert(volume.entity, gpu);
+    }
+}
