@@ -1,5 +1,7 @@
 //! The models without a renderer: these tests run with `--no-default-features` too.
 
+mod deform_lattice;
+mod deform_support;
 #[path = "pool_ecs.rs"]
 mod pool_ecs;
 mod volume_deformed;

@@ -1,5 +1,7 @@
 //! All integration tests in one binary: linking Bevy is the slow part.
 
+mod deform_lattice;
+mod deform_support;
 mod documents;
 mod harness;
 mod highlights;

@@ -272,9 +272,15 @@ impl Tree {
     /// The vertex nearest to a place.
     pub fn nearest_vertex(&self, place: DVec3) -> usize {
         let number = self.patch_at(place);
+        let (low, side) = self.patches[number].on_finest();
+        // Besides the corners there may be vertices of finer neighbours in the middle of edges and faces.
+        let middles = (0..27).filter_map(|n| {
+            let twice = UVec3::new(n % 3, n / 3 % 3, n / 9) * side;
+            (side > 1).then(|| self.find(low + twice / 2)).flatten()
+        });
         let distance = |vertex: &usize| self.place_of(*vertex).distance_squared(place);
         let corners = self.corners(number);
-        corners.into_iter().min_by(|a, b| distance(a).total_cmp(&distance(b))).unwrap_or(corners[0])
+        corners.into_iter().chain(middles).min_by(|a, b| distance(a).total_cmp(&distance(b))).unwrap_or(corners[0])
     }
 
     /// The vertices that follow others.
