@@ -103,7 +103,7 @@ fn a_thousand_random_octrees_have_a_continuous_field() {
         between += usize::from(on_edges > 0 && on_faces > 0 && tree.deepest() >= 3);
         deepest = deepest.max(tree.deepest());
         let jump = largest_jump(&lattice);
-        assert!(jump < 1e-6, "tree {seed}: the field jumps by {jump}");
+        assert!(jump < 1e-15, "tree {seed}: the field jumps by {jump}");
     }
     println!(
         "{edges} vertices on edges, {faces} on faces, {between} trees with both at several levels, level {deepest}"

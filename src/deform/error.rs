@@ -64,13 +64,13 @@ pub enum LatticeError {
     },
     /// A patch is turned inside out somewhere, so that two places show the same matter and there is no way back.
     #[error(
-        "the lattice folds over itself in patch {patch}: its volume there is {determinant:.3} times what it was at rest; \
-         move its vertices less, or subdivide it"
+        "the lattice folds over itself in patch {patch}: matter there takes {determinant:.3} times as much \
+         of the rest as of what is shown; move its vertices less, or subdivide it"
     )]
     Folded {
         /// The patch.
         patch: Patch,
-        /// Least determinant of the Jacobian that was found in it; 0 or less.
+        /// Least determinant of the Jacobian that was found in it: 0 or less, or so little more that it cannot be undone.
         determinant: f64,
     },
     /// A place that cannot be undone: not a number.

@@ -4,4 +4,4 @@ mod error;
 pub mod lattice;
 
 pub use error::LatticeError;
-pub use lattice::{DeformLattice, Patch, Subdivision};
+pub use lattice::{DeformLattice, LatticeInverse, Patch, Subdivision};

@@ -91,8 +91,8 @@ impl DeformLattice {
         if !translation.is_finite() {
             return Err(LatticeError::NotFinite { vertex, translation });
         }
-        if let Some(own) = self.tree.constraints().iter().find(|own| own.vertex == vertex) {
-            return Err(LatticeError::Constrained { vertex, of: own.of.clone() });
+        if let Some(constraint) = self.tree.constraint(vertex) {
+            return Err(LatticeError::Constrained { vertex, of: constraint.of.clone() });
         }
         self.translations[vertex] = translation;
         self.follow_constraints();
@@ -154,10 +154,19 @@ impl DeformLattice {
 
     /// The corners' translations of a patch by its number, and its lower corner and side.
     #[inline]
-    fn patch(&self, number: usize) -> ([DVec3; 8], DVec3, f64) {
+    pub(super) fn patch(&self, number: usize) -> ([DVec3; 8], DVec3, f64) {
         let patch = self.tree.patches()[number];
-        let corners = self.tree.corners(number).map(|vertex| self.translations[vertex].as_dvec3());
+        let corners = self.tree.corners(number).map(|vertex| self.translation_of(vertex));
         (corners, patch.low(), patch.side())
+    }
+
+    /// The translation of a vertex, not rounded: that of a constrained one is exactly the mean of those that it follows, so that the
+    /// field has no jumps, not even small ones in which a place would have no way back.
+    #[inline]
+    fn translation_of(&self, vertex: usize) -> DVec3 {
+        let Some(constraint) = self.tree.constraint(vertex) else { return self.translations[vertex].as_dvec3() };
+        let sum: DVec3 = constraint.of.iter().map(|&master| self.translations[master].as_dvec3()).sum();
+        sum / constraint.of.len() as f64
     }
 
     /// The translation at a place, both in shares of the box.

@@ -6,12 +6,16 @@
 //!
 //! - [`Patch`] is a sub-cube, [`Tree`] the octree of them with its vertices and constraints
 //! - [`DeformLattice`] adds the translations
+//! - [`DeformLattice::check_folds`] says whether there is a way back, and [`LatticeInverse`] is it
 
 mod bounds;
 mod field;
+mod fold;
+mod inverse;
 mod tree;
 
 pub use field::DeformLattice;
+pub use inverse::LatticeInverse;
 pub use tree::{Constraint, Patch, Subdivision, Tree};
 
 /// Deepest level of a patch: 2^6 patches along a side.

@@ -283,9 +283,19 @@ impl Tree {
         corners.into_iter().chain(middles).min_by(|a, b| distance(a).total_cmp(&distance(b))).unwrap_or(corners[0])
     }
 
-    /// The vertices that follow others.
+    /// The vertices that follow others, in the order of their numbers.
     pub fn constraints(&self) -> &[Constraint] {
         &self.constraints
+    }
+
+    /// What a vertex follows, if it does.
+    #[inline]
+    pub fn constraint(&self, vertex: usize) -> Option<&Constraint> {
+        if !self.is_constrained[vertex] {
+            return None;
+        }
+        let number = self.constraints.binary_search_by_key(&vertex, |constraint| constraint.vertex).ok()?;
+        Some(&self.constraints[number])
     }
 
     /// Whether a vertex follows others.
