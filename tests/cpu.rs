@@ -1,5 +1,6 @@
 //! The models without a renderer: these tests run with `--no-default-features` too.
 
+mod deform_gradient;
 mod deform_inverse;
 mod deform_lattice;
 mod deform_support;

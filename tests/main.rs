@@ -1,5 +1,6 @@
 //! All integration tests in one binary: linking Bevy is the slow part.
 
+mod deform_gradient;
 mod deform_inverse;
 mod deform_lattice;
 mod deform_support;

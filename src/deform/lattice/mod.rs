@@ -15,7 +15,10 @@ mod inverse;
 mod tree;
 
 pub use field::DeformLattice;
+pub(crate) use field::trilinear;
 pub use inverse::LatticeInverse;
+#[cfg(test)]
+pub(crate) use tree::corner;
 pub use tree::{Constraint, Patch, Subdivision, Tree};
 
 /// Deepest level of a patch: 2^6 patches along a side.
