@@ -12,14 +12,14 @@ struct DeformUniform {
     slope_high: array<vec4<f32>, 3>,
     // Lattice cells along a side.
     cells: f32,
-    // Which matrix leads gradients to the picture: 0 that of the field itself, 1 those between the vertices, 2 the patch's.
+    // Which matrix leads gradients to the picture: 0 the patch's, 1 those between the vertices, 2 that of the field itself.
     normals: u32,
 }
 
 @group(3) @binding(0) var<uniform> deform: DeformUniform;
 // Translations in texture coordinates of the field.
 @group(3) @binding(1) var nodes: texture_3d<f32>;
-// Matrices of the modes 1 (at the nodes) and 2 (in the cells), a layer of rows over the next one along z.
+// Matrices of the modes 0 (in the cells) and 1 (at the nodes), a layer of rows over the next one along z.
 @group(3) @binding(2) var matrices: texture_3d<f32>;
 
 // Texture coordinates among the nodes.
@@ -111,13 +111,15 @@ fn by_matrices(gradient: vec3<f32>, node: vec3<f32>) -> vec3<f32> {
         );
         sum += weights.x * weights.y * weights.z * product;
     }
-    return sum;
+    // Beyond the box the field goes on unchanged.
+    let is_in = (node >= vec3(0.0)) & (node <= vec3(deform.cells));
+    return select(gradient, sum, is_in);
 }
 
 // A gradient per voxel at rest, as it is where the matter is shown.
 fn shown_gradient(gradient: vec3<f32>, voxel: vec3<f32>) -> vec3<f32> {
     let node = (deform.node_from_voxel * vec4(voxel, 1.0)).xyz;
-    if deform.normals == 0u {
+    if deform.normals == 2u {
         return by_slopes(gradient, node);
     }
     return by_matrices(gradient, node);

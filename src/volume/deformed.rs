@@ -1,8 +1,8 @@
 //! Volumes that a lattice deforms, in the ECS: what picking, drilling and drawing read of the lattice.
 
 use super::lattice::voxel_from_box;
-use super::{CtVolume, PrepareCuts, Volume, VolumeGrid, VoxelLattice};
-use crate::deform::DeformLattice;
+use super::{CtVolume, PrepareCuts, Volume, VolumeGrid, VolumeLook, VoxelLattice};
+use crate::deform::{DeformLattice, NormalDeformation};
 use crate::schedule::SurgerySystems;
 use bevy::math::{DAffine3, DVec3};
 use bevy::prelude::*;
@@ -53,7 +53,13 @@ pub(super) fn build(app: &mut App) {
         .add_systems(PostUpdate, follow_lattices.in_set(FollowLattices));
 }
 
-type Deformed = (Entity, &'static CtVolume, Ref<'static, DeformLattice>, Option<&'static mut DeformedVolume>);
+type Deformed = (
+    Entity,
+    &'static CtVolume,
+    Ref<'static, DeformLattice>,
+    Ref<'static, VolumeLook>,
+    Option<&'static mut DeformedVolume>,
+);
 
 fn follow_lattices(
     mut commands: Commands,
@@ -66,12 +72,15 @@ fn follow_lattices(
         commands.entity(entity).try_remove::<DeformedVolume>();
     }
     let are_replaced = volumes.is_changed();
-    for (entity, source, lattice, shown) in &mut deformed {
-        if !(lattice.is_changed() || are_replaced || shown.is_none()) {
+    for (entity, source, lattice, look, shown) in &mut deformed {
+        if !(lattice.is_changed() || look.is_changed() || are_replaced || shown.is_none()) {
             continue;
         }
         let Some(volume) = volumes.get(&source.0) else { continue };
-        let now = VoxelLattice::new(&lattice, volume.grid());
+        let mut now = VoxelLattice::new(&lattice, volume.grid());
+        if look.deformed_normals != NormalDeformation::Exact {
+            now = now.with_normals(look.deformed_normals, &lattice, volume.grid());
+        }
         if shown.as_ref().is_some_and(|shown| *shown.lattice == now) {
             continue;
         }

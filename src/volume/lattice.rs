@@ -1,7 +1,7 @@
 //! A deforming lattice in the voxel coordinates of a volume: what the passes, their twins on the CPU and tools read of it.
 
 use super::VolumeGrid;
-use crate::deform::DeformLattice;
+use crate::deform::{AffineField, DeformLattice, NormalDeformation};
 use bevy::reflect::Reflect;
 use glam::{Affine3A, DAffine3, DMat3, DVec3, Mat3, Vec3};
 
@@ -16,6 +16,9 @@ pub struct VoxelLattice {
     nodes: Vec<Vec3>,
     node_from_voxel: Affine3A,
     slopes: (Mat3, Mat3),
+    normals: NormalDeformation,
+    /// What stands for the slope in normals, voxels by voxels: at the nodes or in the cells, or none of them for the field's own.
+    matrices: Vec<Mat3>,
 }
 
 /// Leads from shares of a lattice's box to the voxel coordinates of a grid.
@@ -46,7 +49,61 @@ impl VoxelLattice {
         let node_from_box = DAffine3::from_scale(DVec3::splat(f64::from(cells)));
         let node_from_voxel = (node_from_box * voxel_from_box.inverse()).as_affine3a();
         let slopes = slopes_in_voxels(lattice, voxel_from_box.matrix3);
-        Self { cells, nodes, node_from_voxel, slopes }
+        let (normals, matrices) = (NormalDeformation::Exact, Vec::new());
+        Self { cells, nodes, node_from_voxel, slopes, normals, matrices }
+    }
+
+    /// The same with normals from somewhere else than the field itself; of the same lattice and grid.
+    pub fn with_normals(mut self, normals: NormalDeformation, lattice: &DeformLattice, grid: &VolumeGrid) -> Self {
+        let turn = voxel_from_box(lattice, grid).matrix3;
+        let back = turn.inverse();
+        let in_voxels = |slope: DMat3| (turn * slope * back).as_mat3();
+        // Nodes, or the middles of the cells.
+        let (side, shift) = match normals {
+            NormalDeformation::Exact => (0, 0.0),
+            NormalDeformation::PerPatch => (self.cells, 0.5),
+            NormalDeformation::Smoothed => (self.cells + 1, 0.0),
+        };
+        let affine = AffineField::new(lattice);
+        let place = |x: u32, y: u32, z: u32| (glam::UVec3::new(x, y, z).as_dvec3() + shift) / f64::from(self.cells);
+        let places = (0..side).flat_map(|z| (0..side).flat_map(move |y| (0..side).map(move |x| (x, y, z))));
+        let slope = |(x, y, z)| in_voxels(affine.jacobian_at(lattice, place(x, y, z), normals));
+        self.matrices = places.map(slope).collect();
+        self.normals = normals;
+        self
+    }
+
+    /// Where normals come from.
+    pub fn normals(&self) -> NormalDeformation {
+        self.normals
+    }
+
+    /// What stands for the slope in normals, x fastest: in `cells^3` cells for those of the patches, at `(cells + 1)^3` nodes for
+    /// smoothed ones, and nothing for the field's own.
+    pub fn matrices(&self) -> &[Mat3] {
+        &self.matrices
+    }
+
+    /// A gradient per voxel at rest, as it is at a place where the matter is shown.
+    pub fn shown_gradient(&self, gradient: Vec3, voxel: Vec3) -> Vec3 {
+        if self.normals == NormalDeformation::Exact {
+            return self.slope_at(voxel).transpose() * gradient;
+        }
+        let (first, share, is_in) = self.locate(voxel);
+        let row = self.cells as usize + usize::from(self.normals == NormalDeformation::Smoothed);
+        let product = |n: usize| {
+            let at = [n & 1, n >> 1 & 1, n >> 2];
+            let place = ((first[2] + at[2]) * row + first[1] + at[1]) * row + first[0] + at[0];
+            self.matrices[place].transpose() * gradient
+        };
+        let sum = if self.normals == NormalDeformation::PerPatch {
+            product(0)
+        } else {
+            let along = |n: usize, axis: usize| if n >> axis & 1 == 1 { share[axis] } else { 1.0 - share[axis] };
+            (0..8).map(|n| product(n) * (along(n, 0) * along(n, 1) * along(n, 2))).sum()
+        };
+        // Beyond the box the field goes on unchanged.
+        Vec3::from_array(std::array::from_fn(|axis| if is_in[axis] { sum[axis] } else { gradient[axis] }))
     }
 
     /// Cells along a side of the lattice.
@@ -135,15 +192,21 @@ impl VoxelLattice {
     /// the lattice's box: beyond it nothing changes any more along the way out.
     #[inline]
     fn cell_at(&self, voxel: Vec3) -> ([Vec3; 8], Vec3, [bool; 3]) {
+        let (first, share, is_in) = self.locate(voxel);
+        let row = self.cells as usize + 1;
+        let start = (first[2] * row + first[1]) * row + first[0];
+        let corners = std::array::from_fn(|n| self.nodes[start + (n & 1) + (n >> 1 & 1) * row + (n >> 2) * row * row]);
+        (corners, share, is_in)
+    }
+
+    #[inline]
+    fn locate(&self, voxel: Vec3) -> ([usize; 3], Vec3, [bool; 3]) {
         let node = self.node_from_voxel.transform_point3(voxel);
         let last = self.cells as f32;
         let inside = node.clamp(Vec3::ZERO, Vec3::splat(last));
         let first = inside.floor().min(Vec3::splat(last - 1.0));
-        let row = self.cells as usize + 1;
-        let start = (first.z as usize * row + first.y as usize) * row + first.x as usize;
-        let corners = std::array::from_fn(|n| self.nodes[start + (n & 1) + (n >> 1 & 1) * row + (n >> 2) * row * row]);
         let is_in = (node.cmpge(Vec3::ZERO) & node.cmple(Vec3::splat(last))).into();
-        (corners, inside - first, is_in)
+        (first.to_array().map(|part| part as usize), inside - first, is_in)
     }
 }
 

@@ -1,5 +1,6 @@
 //! How a volume is shown.
 
+use crate::deform::NormalDeformation;
 use bevy::prelude::*;
 use serde::{Deserialize, Serialize};
 
@@ -76,13 +77,15 @@ pub struct VolumeLook {
     /// Half spaces of the volume's own space (metres) of which only the inside is drawn: `normal . p + offset >= 0`, as
     /// `(normal, offset)`. At most [`MAX_CLIP_PLANES`] count.
     pub clip_planes: Vec<Vec4>,
+    /// Where the normals of a volume come from that a [`DeformLattice`](crate::deform::DeformLattice) deforms.
+    pub deformed_normals: NormalDeformation,
     /// Light and reflections.
     pub wet: WetShading,
 }
 
 impl Default for VolumeLook {
     fn default() -> Self {
-        Self { method: VolumeMethod::Rays, step_voxels: 1.0, clip_planes: Vec::new(), wet: WetShading::default() }
+        Self { method: VolumeMethod::Rays, step_voxels: 1.0, clip_planes: Vec::new(), deformed_normals: NormalDeformation::Exact, wet: WetShading::default() }
     }
 }
 

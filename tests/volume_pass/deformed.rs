@@ -5,7 +5,7 @@ use super::twin::check;
 use super::{SIZE, specimen, veil, volume_of};
 use bevy::math::{DVec3, UVec3};
 use bevy::prelude::*;
-use bevy_surgery::deform::DeformLattice;
+use bevy_surgery::deform::{DeformLattice, NormalDeformation};
 use bevy_surgery::volume::VolumeMethod;
 
 /// A lattice over the specimen that a wave goes through, with a patch that is finer than the others.
@@ -33,6 +33,13 @@ fn a_deformed_volume_gives_the_picture_of_the_cpu() {
         stage.set(volume, lattice);
         check(&mut stage, &format!("level {level}, waves of {share}"), 1300);
     }
+    for normals in [NormalDeformation::PerPatch, NormalDeformation::Smoothed] {
+        let lattice = wavy(&stage, 2, 0.04);
+        stage.set(volume, lattice);
+        stage.look().deformed_normals = normals;
+        check(&mut stage, &format!("normals {normals:?}"), 1300);
+    }
+    stage.look().deformed_normals = NormalDeformation::Exact;
     // Beyond the box and back to rest.
     let mut lattice = wavy(&stage, 1, 0.0);
     lattice.set_from(|_| DVec3::new(0.3, -0.1, 0.2)).expect("finite numbers");

@@ -2,6 +2,7 @@
 
 use super::extract::ExtractedVolumes;
 use crate::render::Uploads;
+use crate::deform::NormalDeformation;
 use crate::volume::VoxelLattice;
 use bevy::prelude::*;
 use bevy::render::render_resource::*;
@@ -36,7 +37,9 @@ pub struct DeformUniform {
 pub(super) struct GpuLattice {
     revision: u64,
     cells: u32,
-    texture: Texture,
+    normals: NormalDeformation,
+    /// Nodes and matrices.
+    textures: [Texture; 2],
     pub nodes: TextureView,
     pub matrices: TextureView,
     uniform: UniformBuffer<DeformUniform>,
@@ -59,6 +62,34 @@ impl VolumeLattices {
 }
 
 const NODE_FORMAT: TextureFormat = TextureFormat::Rgba16Float;
+const MATRIX_FORMAT: TextureFormat = TextureFormat::Rgba32Float;
+
+/// Three layers of columns, one over the other along z; one texel where there are none.
+fn size_of_matrices(cells: u32, normals: NormalDeformation) -> UVec3 {
+    let side = match normals {
+        NormalDeformation::Exact => return UVec3::ONE,
+        NormalDeformation::PerPatch => cells,
+        NormalDeformation::Smoothed => cells + 1,
+    };
+    UVec3::new(side, side, 3 * side)
+}
+
+fn matrix_texels(lattice: &VoxelLattice) -> Vec<u8> {
+    let column = |axis: usize| lattice.matrices().iter().map(move |matrix| matrix.col(axis).extend(0.0));
+    let texels: Vec<Vec4> = (0..3).flat_map(column).collect();
+    bytemuck::cast_slice(&texels).to_vec()
+}
+
+fn write(queue: &RenderQueue, texture: &Texture, texels: &[u8]) {
+    let size = texture.size();
+    let bytes_per_texel = texture.format().block_copy_size(None).unwrap_or(1);
+    let rows = TexelCopyBufferLayout {
+        offset: 0,
+        bytes_per_row: Some(size.width * bytes_per_texel),
+        rows_per_image: Some(size.height),
+    };
+    queue.write_texture(texture.as_image_copy(), texels, rows, size);
+}
 
 fn create(device: &RenderDevice, size: UVec3, format: TextureFormat) -> Texture {
     device.create_texture(&TextureDescriptor {
@@ -96,19 +127,25 @@ pub(super) fn write_lattices(
         if kept.0.get(&volume.entity).is_some_and(|gpu| gpu.revision == revision) {
             continue;
         }
-        let was = kept.0.remove(&volume.entity).filter(|gpu| gpu.cells == cells);
+        let normals = lattice.normals();
+        let was = kept.0.remove(&volume.entity).filter(|gpu| gpu.cells == cells && gpu.normals == normals);
         let mut gpu = was.unwrap_or_else(|| {
-            let texture = create(&device, UVec3::splat(cells + 1), NODE_FORMAT);
-            let matrices = create(&device, UVec3::ONE, TextureFormat::Rgba32Float).create_view(&default());
-            let nodes = texture.create_view(&default());
-            GpuLattice { revision, cells, texture, nodes, matrices, uniform: default() }
+            let textures = [
+                create(&device, UVec3::splat(cells + 1), NODE_FORMAT),
+                create(&device, size_of_matrices(cells, normals), MATRIX_FORMAT),
+            ];
+            let [nodes, matrices] = [0, 1].map(|n: usize| textures[n].create_view(&default()));
+            GpuLattice { revision, cells, normals, textures, nodes, matrices, uniform: default() }
         });
         gpu.revision = revision;
         let texels = node_texels(lattice, volume.size);
-        let size = Extent3d { width: cells + 1, height: cells + 1, depth_or_array_layers: cells + 1 };
-        let rows =
-            TexelCopyBufferLayout { offset: 0, bytes_per_row: Some((cells + 1) * 8), rows_per_image: Some(cells + 1) };
-        queue.write_texture(gpu.texture.as_image_copy(), &texels, rows, size);
+        write(&queue, &gpu.textures[0], &texels);
+        let mut bytes = texels.len() as u64;
+        if normals != NormalDeformation::Exact {
+            let columns = matrix_texels(lattice);
+            bytes += columns.len() as u64;
+            write(&queue, &gpu.textures[1], &columns);
+        }
         let (low, high) = lattice.slopes();
         let columns = |matrix: Mat3| [0, 1, 2].map(|axis| matrix.col(axis).extend(0.0));
         gpu.uniform.set(DeformUniform {
@@ -116,11 +153,11 @@ pub(super) fn write_lattices(
             slope_low: columns(low),
             slope_high: columns(high),
             cells: cells as f32,
-            normals: 0,
+            normals: normals as u32,
         });
         gpu.uniform.write_buffer(&device, &queue);
         if let Some(uploaded) = uploaded.as_ref() {
-            uploaded.add_rectangles(2, texels.len() as u64 + DeformUniform::min_size().get());
+            uploaded.add_rectangles(2, bytes + DeformUniform::min_size().get());
         }
         kept.0.insert(volume.entity, gpu);
     }

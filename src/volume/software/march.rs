@@ -130,7 +130,7 @@ pub(super) fn draw(
                     depth_m[x] = pixel.weighted_depth_m / pixel.colour.w;
                     // Gradients are those at rest; the field turns them on their way to the picture.
                     let gradient = match scene.lattice {
-                        Some(lattice) => lattice.slope_at(ray.at(depth_m[x])).transpose() * pixel.gradient,
+                        Some(lattice) => lattice.shown_gradient(pixel.gradient, ray.at(depth_m[x])),
                         None => pixel.gradient,
                     };
                     normal[x] = rays.normal_of(ray, gradient).to_array();
