@@ -76,7 +76,7 @@ fn look_at_volume(
 ) -> Result {
     for (entity, source) in &arrived {
         let Some(volume) = volumes.get(&source.0) else { continue };
-        let lattice = DeformLattice::over_volume(volume.grid(), LEVEL)?;
+        let lattice = volume.grid().lattice(LEVEL)?;
         commands.entity(entity).insert(lattice);
         if args.figure.is_none() {
             commands.entity(entity).insert(drag::swim());

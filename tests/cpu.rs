@@ -4,8 +4,11 @@ mod deform_gradient;
 mod deform_inverse;
 mod deform_lattice;
 mod deform_support;
+mod deform_warp;
 #[path = "pool_ecs.rs"]
 mod pool_ecs;
+#[allow(dead_code)]
+mod support;
 mod volume_deformed;
 
 use bevy::prelude::*;

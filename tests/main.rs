@@ -4,6 +4,7 @@ mod deform_gradient;
 mod deform_inverse;
 mod deform_lattice;
 mod deform_support;
+mod deform_warp;
 mod documents;
 mod harness;
 mod highlights;

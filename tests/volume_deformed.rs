@@ -33,7 +33,7 @@ fn ball() -> Volume {
 }
 
 fn wave(volume: &Volume, share: f64) -> DeformLattice {
-    let mut lattice = DeformLattice::over_volume(volume.grid(), 3).expect("a level that can be");
+    let mut lattice = volume.grid().lattice(3).expect("a level that can be");
     let swing = |at: DVec3| share * DVec3::new((at.y * TAU).sin(), (at.z * TAU + 1.0).sin(), (at.x * TAU).cos());
     lattice.set_from(swing).expect("finite numbers");
     lattice
@@ -145,7 +145,7 @@ fn lattices_come_move_and_go() {
     let volume = ball();
     let grid = *volume.grid();
     let (mut app, entity) =
-        app_with(volume, DeformLattice::over_volume(&grid, 1).expect("a level"), Transform::default());
+        app_with(volume, grid.lattice(1).expect("a level"), Transform::default());
     let at_rest = cast(&mut app, Vec3::X, Vec3::ZERO).expect("the ball is hit").distance_m;
     let revision = app.world().get::<DeformedVolume>(entity).expect("it follows").revision();
     // Matter moves against the translations.

@@ -27,16 +27,6 @@ pub(super) fn voxel_from_box(lattice: &DeformLattice, grid: &VolumeGrid) -> DAff
     wide(grid.volume_from_voxel()).inverse() * wide(lattice.body_from_box())
 }
 
-impl DeformLattice {
-    /// A lattice at rest over all voxels of a volume; `level` halvings give `2^level` patches along each side.
-    pub fn over_volume(grid: &VolumeGrid, level: u32) -> Result<Self, crate::deform::LatticeError> {
-        let volume_from_voxel = grid.volume_from_voxel();
-        let voxel_from_box =
-            Affine3A::from_scale_rotation_translation(grid.size.as_vec3(), glam::Quat::IDENTITY, Vec3::splat(-0.5));
-        Self::over(volume_from_voxel * voxel_from_box, level)
-    }
-}
-
 impl VoxelLattice {
     /// The field of a lattice for a grid.
     pub fn new(lattice: &DeformLattice, grid: &VolumeGrid) -> Self {

@@ -22,6 +22,7 @@ mod render;
 pub mod software;
 pub mod structures;
 pub mod transfer;
+mod warp;
 mod watch;
 
 pub use asset::{LoadVolume, VolumeLoadFailed, VolumeLoader};

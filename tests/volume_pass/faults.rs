@@ -101,6 +101,7 @@ fn settings_out_of_range_are_put_right() {
                     smoothed: SmoothedNormals::All,
                     ..default()
                 },
+                ..default()
             };
             let shot = stage.shot();
             assert!(is_finite(&shot) && !is_empty(&shot), "{method:?}, {number}");

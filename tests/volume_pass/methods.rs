@@ -10,13 +10,13 @@ use bevy_surgery::volume::transfer::TransferFunction;
 use bevy_surgery::volume::{Volume, VolumeMethod};
 
 /// Least likeness of the pictures, decibels.
-const LEAST_PSNR: f32 = 35.0;
+pub const LEAST_PSNR: f32 = 35.0;
 
 /// Where the hole is drilled, from the middle.
 const HOLE: Vec3 = Vec3::new(0.5, 0.4, 1.0);
 
 /// Likeness of two pictures as they are shown (sRGB), decibels; among the pixels that either shows.
-fn psnr(a: &Shot, b: &Shot) -> f32 {
+pub fn psnr(a: &Shot, b: &Shot) -> f32 {
     let shown = |linear: f32| {
         let linear = linear.clamp(0.0, 1.0);
         if linear <= 0.003_130_8 { linear * 12.92 } else { 1.055 * linear.powf(1.0 / 2.4) - 0.055 }
