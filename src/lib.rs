@@ -54,6 +54,10 @@ pub mod volume;
 /// What a scene needs, in one import.
 pub mod prelude {
     pub use crate::SurgeryPlugins;
+    pub use crate::deform::{
+        AffineField, DeformBodies, DeformLattice, DeformPlugin, KeyFrame, KeyFrames, KeyInterpolation,
+        LatticeAnimation, LatticeError, LatticeMotion, NormalDeformation, Patch, TravellingWave,
+    };
     pub use crate::gravity::SurgeryGravity;
     pub use crate::highlights::{HighlightCover, Highlights, HighlightsPlugin};
     pub use crate::organ::clean::{Topology, Weld};
@@ -114,6 +118,7 @@ use bevy::app::{PluginGroup, PluginGroupBuilder};
 /// |---|---|---|
 /// | [`SurgerySchedulePlugin`](schedule::SurgerySchedulePlugin) | [`SurgerySystems`](schedule::SurgerySystems), 60 steps a second | |
 /// | [`SurgeryRenderPlugin`](render::SurgeryRenderPlugin) (feature `render`) | shaders, light list, [`OrganPasses`](render::OrganPasses) | |
+/// | [`DeformPlugin`](deform::DeformPlugin) | [`DeformLattice`](deform::DeformLattice), [`LatticeAnimation`](deform::LatticeAnimation) | schedule |
 /// | [`OrganPlugin`](organ::OrganPlugin) | organ loaders, [`Organ`](organ::Organ), [`OrganShape`](organ::OrganShape) | schedule |
 /// | [`SkinPlugin`](skin::SkinPlugin) | [`Skin`](skin::Skin) | organ; render to be seen |
 /// | [`ReactionsPlugin`](reactions::ReactionsPlugin) | [`Reactions`](reactions::Reactions), [`OrganTouch`](reactions::OrganTouch) | organ; render to be seen |
@@ -129,6 +134,7 @@ impl PluginGroup for SurgeryPlugins {
         #[cfg(feature = "render")]
         let group = group.add(render::SurgeryRenderPlugin);
         let group = group
+            .add(deform::DeformPlugin)
             .add(organ::OrganPlugin::default())
             .add(skin::SkinPlugin)
             .add(reactions::ReactionsPlugin)

@@ -1,5 +1,7 @@
 //! The models without a renderer: these tests run with `--no-default-features` too.
 
+mod deform_animate;
+mod deform_fit;
 mod deform_gradient;
 mod deform_inverse;
 mod deform_lattice;

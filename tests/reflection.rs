@@ -19,6 +19,8 @@ const NOT_DATA: &[(&str, &str)] = &[
     ("FlowPools", "a system set"),
     ("FollowLattices", "a system set"),
     ("PrepareCuts", "a system set"),
+    ("DeformBodies", "a system set"),
+    ("LatticeInverse", "borrows"),
     ("OrganPicking", "a system parameter"),
     ("VolumePicking", "a system parameter"),
     ("MarchScene", "borrows"),

@@ -3,7 +3,6 @@
 use crate::Patient;
 use bevy::prelude::*;
 use bevy::window::PrimaryWindow;
-use bevy_surgery::deform::NormalDeformation;
 use bevy_surgery::prelude::*;
 use bevy_surgery::volume::VolumeMethod;
 
@@ -23,7 +22,7 @@ pub struct Held {
 
 /// A wave that travels from head to foot and grows on its way, as fish swim.
 pub fn swim() -> LatticeAnimation {
-    LatticeAnimation::travelling_wave(TravellingWave::default())
+    LatticeAnimation::new(LatticeMotion::Wave(TravellingWave { along: Vec3::NEG_Y, frequency_hz: 0.7, ..default() }))
 }
 
 pub fn build(app: &mut App) {

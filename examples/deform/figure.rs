@@ -4,7 +4,6 @@ use crate::Patient;
 use crate::common::Pictures;
 use bevy::math::DVec3;
 use bevy::prelude::*;
-use bevy_surgery::deform::NormalDeformation;
 use bevy_surgery::prelude::*;
 use std::f64::consts::TAU;
 

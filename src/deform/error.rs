@@ -79,4 +79,36 @@ pub enum LatticeError {
         /// What was asked for, in shares of the box.
         place: DVec3,
     },
+    /// Nothing to fit a lattice to.
+    #[error("pairs: none are given; a lattice is fitted to one at least")]
+    NoPairs,
+    /// A fit without smoothness has no single answer.
+    #[error(
+        "smoothness: {smoothness} is not a number above 0; without any, vertices that no pair touches could be anywhere"
+    )]
+    NotSmooth {
+        /// What was asked for.
+        smoothness: f64,
+    },
+    /// An animation without key frames.
+    #[error("key frames: there are none")]
+    NoKeyFrames,
+    /// A key frame that does not follow the one before it.
+    #[error("key frame {frame}: its time, {time_s} s, is not a number above that of the one before it")]
+    KeyFrameTime {
+        /// Which one, from 0.
+        frame: usize,
+        /// Its time, seconds.
+        time_s: f32,
+    },
+    /// A key frame of another lattice.
+    #[error("key frame {frame}: {found} translations for {expected} vertices")]
+    KeyFrameCount {
+        /// Which one, from 0.
+        frame: usize,
+        /// Translations that it has.
+        found: usize,
+        /// Vertices of the lattice.
+        expected: usize,
+    },
 }

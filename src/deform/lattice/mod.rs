@@ -17,7 +17,6 @@ mod tree;
 pub use field::DeformLattice;
 pub(crate) use field::trilinear;
 pub use inverse::LatticeInverse;
-#[cfg(test)]
 pub(crate) use tree::corner;
 pub use tree::{Constraint, Patch, Subdivision, Tree};
 
