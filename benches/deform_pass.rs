@@ -51,8 +51,7 @@ fn bench(scene: Option<Scene>, heads: &[(u32, (Volume, TransferFunction))]) -> B
         if !scene.is_shaded {
             look.wet.smoothed = SmoothedNormals::None;
         }
-        let lattice =
-            scene.level.map(|level| volume.grid().lattice(level).expect("a level that can be"));
+        let lattice = scene.level.map(|level| volume.grid().lattice(level).expect("a level that can be"));
         let handle = app.world_mut().resource_mut::<Assets<Volume>>().add(volume.clone());
         let mut entity = app.world_mut().spawn((CtVolume(handle), transfer.clone(), look));
         if let Some(lattice) = lattice {

@@ -144,8 +144,7 @@ fn a_burr_removes_the_matter_that_is_shown_where_it_is() {
 fn lattices_come_move_and_go() {
     let volume = ball();
     let grid = *volume.grid();
-    let (mut app, entity) =
-        app_with(volume, grid.lattice(1).expect("a level"), Transform::default());
+    let (mut app, entity) = app_with(volume, grid.lattice(1).expect("a level"), Transform::default());
     let at_rest = cast(&mut app, Vec3::X, Vec3::ZERO).expect("the ball is hit").distance_m;
     let revision = app.world().get::<DeformedVolume>(entity).expect("it follows").revision();
     // Matter moves against the translations.

@@ -36,9 +36,7 @@ pub fn follow_mouse(
     cameras: Query<(&Camera, &GlobalTransform), With<Camera3d>>,
 ) {
     let cursor = windows.iter().next().and_then(Window::cursor_position);
-    held.ray = cursor
-        .zip(cameras.iter().next())
-        .and_then(|(at, (camera, eye))| camera.viewport_to_world(eye, at).ok());
+    held.ray = cursor.zip(cameras.iter().next()).and_then(|(at, (camera, eye))| camera.viewport_to_world(eye, at).ok());
     held.is_on = buttons.pressed(MouseButton::Left);
 }
 

@@ -40,12 +40,7 @@ struct Gathered {
     depth: f32,
 }
 
-struct Taken {
-    colour: vec3<f32>,
-    weight: f32,
-}
-
-fn take(opacity: f32, place: vec3<f32>, is_hidden: bool) -> Taken {
+fn gather(so_far: Gathered, place: vec3<f32>, k: f32, is_hidden: bool) -> Gathered {
     let here = sample_at(place);
 #ifdef DEFORMED
     // A lattice may lead beyond the grid, where nothing is.
@@ -53,23 +48,15 @@ fn take(opacity: f32, place: vec3<f32>, is_hidden: bool) -> Taken {
 #else
     let is_outside = false;
 #endif
-    let weight = select((1.0 - opacity) * here.opacity, 0.0, is_hidden || is_outside || opacity > OPAQUE);
-    return Taken(here.colour, weight);
-}
-
-// Adds two samples, one step after the other. Both have the gradient that is between them by weight.
-fn gather(so_far: Gathered, first: vec3<f32>, second: vec3<f32>, k: f32, hides_first: bool, hides_second: bool) -> Gathered {
-    let a = take(so_far.opacity, first, hides_first);
-    let b = take(so_far.opacity + a.weight, second, hides_second);
-    let weight = a.weight + b.weight;
+    let weight = select((1.0 - so_far.opacity) * here.opacity, 0.0, is_hidden || is_outside || so_far.opacity > OPAQUE);
     var gathered = so_far;
 #ifdef LIT
     if weight > 0.0 {
-        gathered.gradient += weight * gradient_at(mix(first, second, b.weight / weight));
+        gathered.gradient += weight * gradient_at(place);
     }
 #endif
-    gathered.colour += a.weight * a.colour + b.weight * b.colour;
-    gathered.depth += weight * k + b.weight;
+    gathered.colour += weight * here.colour;
+    gathered.depth += weight * k;
     gathered.opacity += weight;
     return gathered;
 }
@@ -115,7 +102,8 @@ fn fragment(@builtin(position) at: vec4<f32>) -> Buffers {
         let look = look_at(middle * per_block, pace, 0.0);
         let half_way = 0.5 * step_place + 0.25 * select(vec3(0.0), translation - before, is_next);
         let is_empty = look.is_empty;
-        seen = gather(seen, middle - half_way, middle + half_way, k, is_empty || k > end, is_empty || k + 1.0 > end);
+        seen = gather(seen, middle - half_way, k, is_empty || k > end);
+        seen = gather(seen, middle + half_way, k + 1.0, is_empty || k + 1.0 > end);
         before = translation;
         is_next = !is_empty;
         k += select(2.0, max(ceil(look.steps), 1.0), is_empty);
@@ -124,7 +112,8 @@ fn fragment(@builtin(position) at: vec4<f32>) -> Buffers {
         k += select(0.0, max(ceil(look.steps), 1.0), look.is_empty);
         // After a jump it may show nothing; then the block that it is in is looked at next.
         let place = first_place + step_place * k;
-        seen = gather(seen, place, place + step_place, k, k > end, k + 1.0 > end);
+        seen = gather(seen, place, k, k > end);
+        seen = gather(seen, place + step_place, k + 1.0, k + 1.0 > end);
         k += 2.0;
 #endif
         continuing {

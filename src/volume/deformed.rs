@@ -1,12 +1,14 @@
 //! Volumes that a lattice deforms, in the ECS: what picking, drilling and drawing read of the lattice.
 
 use super::lattice::voxel_from_box;
-use super::{CtVolume, PrepareCuts, Volume, VolumeGrid, VolumeLook, VoxelLattice};
+use super::{CtVolume, LoadVolume, PrepareCuts, Volume, VolumeGrid, VolumeLook, VoxelLattice};
 use crate::deform::{DeformLattice, NormalDeformation};
+use crate::organ::Organ;
 use crate::schedule::SurgerySystems;
 use bevy::math::{DAffine3, DVec3};
 use bevy::prelude::*;
 use std::sync::Arc;
+use tracing::warn;
 
 /// The [`DeformLattice`] of a [`CtVolume`] in its voxel coordinates. Kept beside it: as it is since the last step, and, when the
 /// frame is drawn, as it is then.
@@ -48,9 +50,20 @@ pub(super) fn build(app: &mut App) {
     app.register_type::<DeformedVolume>()
         .init_resource::<Revisions>()
         // Lattices may come and move between the steps.
-        .add_systems(PreUpdate, follow_lattices.in_set(FollowLattices).after(PrepareCuts))
+        .add_systems(PreUpdate, (follow_lattices.in_set(FollowLattices).after(PrepareCuts), warn_of_idle_lattices))
         .add_systems(FixedUpdate, follow_lattices.in_set(FollowLattices).in_set(SurgerySystems::Publish))
         .add_systems(PostUpdate, follow_lattices.in_set(FollowLattices));
+}
+
+/// Says so where a lattice has nothing to deform: neither a volume, also one that is still on its way, nor an organ.
+fn warn_of_idle_lattices(
+    idle: Query<Entity, (Added<DeformLattice>, Without<CtVolume>, Without<LoadVolume>, Without<Organ>)>,
+) {
+    for entity in &idle {
+        warn!(
+            "{entity} has a DeformLattice and nothing that it could deform; give it a CtVolume, a LoadVolume or an Organ"
+        );
+    }
 }
 
 type Deformed = (

@@ -85,7 +85,13 @@ pub struct VolumeLook {
 
 impl Default for VolumeLook {
     fn default() -> Self {
-        Self { method: VolumeMethod::Rays, step_voxels: 1.0, clip_planes: Vec::new(), deformed_normals: NormalDeformation::Exact, wet: WetShading::default() }
+        Self {
+            method: VolumeMethod::Rays,
+            step_voxels: 1.0,
+            clip_planes: Vec::new(),
+            deformed_normals: NormalDeformation::Exact,
+            wet: WetShading::default(),
+        }
     }
 }
 

@@ -3,10 +3,9 @@
 use super::data::{Volume, Voxels};
 use super::error::VolumeFault;
 use super::grid::VolumeGrid;
-use super::lattice::voxel_from_box;
 use super::structures::Structures;
 use crate::deform::{DeformLattice, LatticeError};
-use glam::{Affine3A, DAffine3, DVec3, UVec3, Vec3};
+use glam::{Affine3A, DVec3, UVec3, Vec3};
 use rayon::prelude::*;
 
 impl VolumeGrid {
@@ -27,20 +26,13 @@ impl Volume {
     /// [`DeformLattice::rest_from_shown`] of its centre, interpolated between the eight voxels around that and rounded to what is
     /// stored. Beyond the grid the values of its outermost voxels go on. The same bits on any number of threads.
     ///
-    /// The lattice must lie over the grid's own box, as [`VolumeGrid::lattice`] makes it. Structures move along: a voxel belongs to
+    /// Shares of the lattice's box are taken for those of the grid's, wherever it lies. Structures move along: a voxel belongs to
     /// what the nearest one belonged to. The least and greatest value may draw together.
     ///
     /// # Errors
-    /// [`VolumeFault::BadGrid`] for a lattice over another box.
+    /// None for a volume that is one; [`VolumeFault`] is what [`Volume::new`] may say.
     pub fn warped(&self, lattice: &DeformLattice) -> Result<Self, VolumeFault> {
         let size = self.grid().size;
-        let off = voxel_from_box(lattice, self.grid()) * DAffine3::from_scale(1.0 / size.as_dvec3());
-        if !off.abs_diff_eq(DAffine3::from_translation(DVec3::splat(-0.5)), 1e-3) {
-            return Err(VolumeFault::BadGrid {
-                field: "lattice".into(),
-                reason: "it lies over another box than the grid; see VolumeGrid::lattice".into(),
-            });
-        }
         let field = |voxels: &Voxels| match voxels {
             Voxels::U8(voxels) => Voxels::U8(warp(size, lattice, |at| mixed(size, voxels, at).round() as u8)),
             Voxels::I16(voxels) => Voxels::I16(warp(size, lattice, |at| mixed(size, voxels, at).round() as i16)),

@@ -115,6 +115,8 @@ fn compare_with_warped(name: &str, volume: Volume, transfer: &TransferFunction) 
     let half = volume.grid().half_axes_m().into_iter().map(|half| half.length_squared()).sum::<f32>().sqrt();
     let mut stage = Stage::new(volume.clone(), transfer.clone());
     let entity = stage.volume;
+    // Without light: normals of a warped volume come from its voxels, which are other numbers than the field turns.
+    stage.look().wet.is_shaded = false;
     // As large as the others, so that the lamps suit it.
     stage.set(entity, Transform::from_scale(Vec3::splat(0.035 / half)));
     for (level, share) in [(1, 0.03), (2, 0.03), (3, 0.02)] {

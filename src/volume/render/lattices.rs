@@ -1,8 +1,8 @@
 //! Lattices that deform volumes, on their way to the GPU: each frame only what moved of them, some kilobytes.
 
 use super::extract::ExtractedVolumes;
-use crate::render::Uploads;
 use crate::deform::NormalDeformation;
+use crate::render::Uploads;
 use crate::volume::VoxelLattice;
 use bevy::prelude::*;
 use bevy::render::render_resource::*;
