@@ -102,7 +102,7 @@ fn frames(c: &mut Criterion) {
     let heads: Vec<_> = [128, 256].map(|side| (side, head::head(side))).into_iter().collect();
     let mut scenes = vec![None];
     for side in [128, 256] {
-        for method in [VolumeMethod::Rays, VolumeMethod::Slices] {
+        for method in [VolumeMethod::Rays, VolumeMethod::Slices, VolumeMethod::PatchSlices] {
             for is_shaded in [false, true] {
                 for level in [None, Some(1), Some(2), Some(3)] {
                     scenes.push(Some(Scene { side, level, method, is_shaded }));

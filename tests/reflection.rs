@@ -24,6 +24,7 @@ const NOT_DATA: &[(&str, &str)] = &[
     ("OrganPicking", "a system parameter"),
     ("VolumePicking", "a system parameter"),
     ("MarchScene", "borrows"),
+    ("AlignedField", "borrows"),
     ("StepContext", "borrows"),
     ("Ageing", "an argument"),
     ("Motion", "borrows"),

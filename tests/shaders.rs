@@ -12,7 +12,7 @@ use bevy_surgery::render::{LightUniform, OrganLights, SHADERS};
 use bevy_surgery::skin::SkinUniform;
 use bevy_surgery::testing::TestApp;
 use bevy_surgery::view::{ScopeMaskUniform, ToolCasterUniform, ToolShadowUniform};
-use bevy_surgery::volume::{DeformUniform, VolumeUniform};
+use bevy_surgery::volume::{AlignedUniform, DeformUniform, PatchFramesTexel, PatchRectTexel, VolumeUniform};
 use naga::valid::{Capabilities, ValidationFlags, Validator};
 use naga_oil::compose::{ComposableModuleDescriptor, Composer, NagaModuleDescriptor, ShaderDefValue};
 use std::collections::{BTreeSet, HashMap};
@@ -144,6 +144,12 @@ fn every_shader_composes_and_validates() {
         if let Err(reason) = compose_with(&mut composer, shader.path, shader.source, &["DEFORMED", "LIT"]) {
             panic!("{} deformed: {reason}", shader.path);
         }
+        // Slices that are cut and lit; the scene before them.
+        for more in [&["CLIPPED", "NORMALS", "SCENE"][..], &["SCENE", "MULTISAMPLED"][..]] {
+            if let Err(reason) = compose_with(&mut composer, shader.path, shader.source, more) {
+                panic!("{} with {more:?}: {reason}", shader.path);
+            }
+        }
     }
     let wrong = "@fragment fn fragment() -> @location(0) vec4<f32> { return 1.0; }";
     assert!(compose(&mut composer, "wrong.wgsl", wrong).is_err(), "a wrong shader must not pass");
@@ -208,6 +214,10 @@ fn rust_and_wgsl_agree_on_every_struct() {
     assert_layout!(&march, "VolumeUniform", VolumeUniform);
     let deformed = compose_with(&mut composer, "volume/march.wgsl", source("volume/march.wgsl"), &["DEFORMED"]);
     assert_layout!(&deformed.expect("composes"), "DeformUniform", DeformUniform);
+    let aligned = compose(&mut composer, "volume/aligned.wgsl", source("volume/aligned.wgsl")).expect("composes");
+    assert_layout!(&aligned, "AlignedUniform", AlignedUniform);
+    assert_layout!(&aligned, "PatchFrames", PatchFramesTexel);
+    assert_layout!(&aligned, "PatchRect", PatchRectTexel);
     let pool = compose(&mut composer, "pool/composite.wgsl", source("pool/composite.wgsl")).expect("composes");
     assert_layout!(&pool, "PoolUniform", PoolUniform);
     let act = compose(&mut composer, "pool/act.wgsl", source("pool/act.wgsl")).expect("composes");
@@ -253,6 +263,7 @@ fn no_struct_escapes_the_comparison() {
     }
     // `ColorGrading` is a part of Bevy's `View`, whose size is compared.
     let compared = [
+        "AlignedUniform",
         "ColorGrading",
         "DeformUniform",
         "FlowSource",
@@ -262,6 +273,8 @@ fn no_struct_escapes_the_comparison() {
         "LightUniform",
         "OrganLights",
         "OrganUniform",
+        "PatchFrames",
+        "PatchRect",
         "PoolUniform",
         "PrimaryVertex",
         "ScopeMaskUniform",

@@ -1,5 +1,6 @@
 //! Volumes on the GPU, held against their twin on the CPU, and beside the rest of a scene.
 
+mod aligned;
 mod deformed;
 mod faults;
 mod methods;

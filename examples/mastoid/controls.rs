@@ -135,7 +135,7 @@ fn change_look(
         if keys.just_pressed(KeyCode::KeyT) {
             look.method = match look.method {
                 VolumeMethod::Rays => VolumeMethod::Slices,
-                VolumeMethod::Slices => VolumeMethod::Rays,
+                _ => VolumeMethod::Rays,
             };
             notice.0 = format!("shown by {:?}", look.method).to_lowercase();
         }

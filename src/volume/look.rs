@@ -17,6 +17,9 @@ pub enum VolumeMethod {
     Rays,
     /// Slices across the view, blended back to front (paper of 2009, section 5).
     Slices,
+    /// Slices across an axis of the lattice, cut out of its patches, blended front to back (paper of 2001, section 4): only the
+    /// lattice's vertices travel when it moves, and the field between them is that of four triangles per patch and slice.
+    PatchSlices,
 }
 
 /// Which normals are smoothed (paper of 2009, figure 7).

@@ -1,5 +1,6 @@
 //! CT volumes that are drilled: the asset, its structures, what was removed, and two ways to show it.
 
+pub mod aligned;
 mod asset;
 pub mod blocks;
 mod component;
@@ -36,7 +37,7 @@ pub use lattice::VoxelLattice;
 pub use look::{MAX_CLIP_PLANES, MAX_SMOOTHING_PASSES, SmoothedNormals, VolumeLook, VolumeMethod, WetShading};
 pub use picking::{PickedVolume, VolumeHitInWorld, VolumePicking};
 #[cfg(feature = "render")]
-pub use render::{DeformUniform, VolumeRedraws, VolumeUniform};
+pub use render::{AlignedUniform, DeformUniform, PatchFramesTexel, PatchRectTexel, VolumeRedraws, VolumeUniform};
 pub use watch::WatchCritical;
 
 use bevy::prelude::*;
@@ -79,6 +80,12 @@ fn register(app: &mut App) {
         .register_type::<software::ViewRays>()
         .register_type::<software::VoxelRay>()
         .register_type::<software::IncidentLight>();
+    app.register_type::<aligned::PatchFrames>()
+        .register_type::<aligned::PatchRect>()
+        .register_type::<aligned::PolygonVertex>()
+        .register_type::<aligned::PatchPolygons>()
+        .register_type::<aligned::SliceStack>()
+        .register_type::<aligned::ShowingBlocks>();
 }
 
 /// Loads volumes, keeps what was cut, and shows them. See the [module](self).

@@ -17,9 +17,11 @@ use bevy::render::view::{ViewDepthTexture, ViewTarget};
 use bevy_surgery::deform::DeformLattice;
 use bevy_surgery::render::{LightUniform, OrganPasses, Uploads, VolumePasses};
 use bevy_surgery::testing::TestApp;
+use bevy_surgery::volume::aligned::{PatchPolygons, SliceStack};
 use bevy_surgery::volume::cut::{Burr, BurrKind, BurrPose, BurrShape, BurrStroke};
 use bevy_surgery::volume::software::{
-    IncidentLight, MarchScene, RenderField, ViewRays, VolumeImage, composite_slices, march, plane_in_voxels, shade,
+    AlignedField, IncidentLight, MarchScene, RenderField, ViewRays, VolumeImage, composite_aligned, composite_slices,
+    march, plane_in_voxels, shade,
 };
 use bevy_surgery::volume::structures::Structures;
 use bevy_surgery::volume::transfer::{ColourSource, TransferFunction, colours};
@@ -288,6 +290,7 @@ impl Stage {
         let image = match look.method {
             VolumeMethod::Rays => march(&rays, &scene),
             VolumeMethod::Slices => composite_slices(&rays, &scene),
+            VolumeMethod::PatchSlices => self.twin_aligned(&rays, &scene),
         };
         let (exposure, lights) = (Exposure::default().exposure(), &self.lights);
         let mut colour = shade(&image, &rays, &look.wet, Vec3::ZERO, |at, arriving| {
@@ -304,6 +307,37 @@ impl Stage {
             colour.clone_from(&image.colour);
         }
         Twin { image, colour }
+    }
+}
+
+impl Stage {
+    /// Shares of the box of the volume's lattice, or of all voxels where it has none, to voxel coordinates; and the lattice.
+    pub fn lattice(&self) -> (bevy::math::Affine3A, DeformLattice) {
+        let source = self.source();
+        let grid = source.grid();
+        let none = || grid.lattice(0).expect("a level that can be");
+        let lattice = self.app.world().get::<DeformLattice>(self.volume).cloned().unwrap_or_else(none);
+        (grid.volume_from_voxel().inverse() * lattice.body_from_box(), lattice)
+    }
+
+    /// The slices that a view through the middle of the picture takes.
+    pub fn stack(&self, rays: &ViewRays, step_m: f32, margin: f32) -> SliceStack {
+        let (voxel_from_box, _) = self.lattice();
+        let world_from_box = rays.world_from_voxel() * voxel_from_box;
+        let along = voxel_from_box.inverse().transform_vector3(rays.ray(SIZE_PX / 2).along);
+        let box_from_world = world_from_box.inverse().matrix3.into();
+        SliceStack::new(along, box_from_world, step_m, Vec3::splat(-margin), Vec3::splat(1.0 + margin))
+    }
+
+    fn twin_aligned(&self, rays: &ViewRays, scene: &MarchScene) -> VolumeImage {
+        let (voxel_from_box, lattice) = self.lattice();
+        let translations = lattice.translations();
+        let on_sides = (0..translations.len()).filter(|vertex| lattice.tree().is_on_side(*vertex));
+        let reach = on_sides.map(|vertex| translations[vertex].abs().max_element()).fold(0.0, f32::max);
+        let margin = (reach * 16.0).ceil() / 16.0;
+        let polygons = PatchPolygons::new(lattice.tree(), margin);
+        let stack = self.stack(rays, scene.step_m, margin);
+        composite_aligned(rays, scene, &AlignedField { polygons: &polygons, translations, voxel_from_box, stack })
     }
 }
 

@@ -3,6 +3,7 @@
 //! Each view keeps its buffers of each volume. Rays are walked again only where the view, the volume or the opaque scene
 //! changed, so that an unchanged view costs one pass that puts the finished buffer into the picture.
 
+mod aligned;
 mod extract;
 mod gpu;
 mod lattices;
@@ -17,6 +18,7 @@ mod texels;
 mod uniform;
 mod views;
 
+pub use aligned::{AlignedUniform, PatchFramesTexel, PatchRectTexel};
 pub use lattices::DeformUniform;
 pub use redraws::VolumeRedraws;
 pub use uniform::VolumeUniform;
@@ -57,11 +59,12 @@ pub(super) fn build(app: &mut App) {
         .init_gpu_resource::<gpu::VolumeTextures>()
         .init_gpu_resource::<lattices::VolumeLattices>()
         .init_gpu_resource::<views::VolumeViews>()
-        .add_systems(RenderStartup, pipelines::init.after(PrepareOrgans))
-        .add_systems(ExtractSchedule, (extract::extract_volumes, redraws::start_frame))
+        .init_gpu_resource::<aligned::AlignedBodies>()
+        .add_systems(RenderStartup, (pipelines::init, aligned::init).after(PrepareOrgans))
+        .add_systems(ExtractSchedule, (extract::extract_volumes, aligned::extract_bodies, redraws::start_frame))
         .add_systems(
             Render,
-            (gpu::write_textures, lattices::write_lattices, views::prepare_views)
+            (gpu::write_textures, lattices::write_lattices, aligned::write_bodies, views::prepare_views)
                 .chain()
                 .in_set(RenderSystems::PrepareResources),
         )

@@ -1,11 +1,13 @@
 //! Draws volumes into a view: walk, smooth, shade where something changed; then into the picture.
 
+use super::aligned::{AlignedBodies, AlignedBody, AlignedKey, AlignedPipelines, StackDrawing, draw_stack};
 use super::gpu::{GpuVolume, VolumeTextures};
 use super::lattices::VolumeLattices;
 use super::pipelines::{PipelineKey, VolumePipelines};
 use super::redraws::VolumeRedraws;
 use super::views::{SQUARE_PX, VolumeView, VolumeViews, grown};
 use crate::organ::render::{OrganBindGroups, OrganPipelineKey, OrganSides};
+use crate::volume::VolumeMethod;
 use bevy::core_pipeline::tonemapping::Tonemapping;
 use bevy::prelude::*;
 use bevy::render::camera::ExtractedCamera;
@@ -38,6 +40,8 @@ struct Drawing<'a> {
     redraws: &'a VolumeRedraws,
     /// Of a volume that is deformed.
     lattice_group: Option<&'a BindGroup>,
+    aligned: &'a AlignedPipelines,
+    body: Option<&'a AlignedBody>,
 }
 
 impl Drawing<'_> {
@@ -166,6 +170,10 @@ impl Drawing<'_> {
                 let pixels = volume.walk.disjoint();
                 self.pass(ctx, "volume_march", key, &into, volume.is_all, &pixels, &walk_group, &scene_group, None);
             }
+            Some((gradients, depths)) if volume.method == VolumeMethod::PatchSlices => {
+                self.draw_aligned(ctx, gpu, uniform, scene, gradients, depths);
+                self.resolve(ctx, gradients, depths);
+            }
             Some((gradients, depths)) => {
                 // Blending cannot be taken back: all slices are drawn again.
                 let key = PipelineKey::Slices(variant);
@@ -173,21 +181,56 @@ impl Drawing<'_> {
                 let pixels = if volume.slices.is_some() { volume.seen } else { URect::EMPTY };
                 let slices = volume.slices.as_ref();
                 self.pass(ctx, "volume_slices", key, &into, true, &[pixels], &walk_group, &scene_group, slices);
-                let sums = self.inputs([&buffers.colour, gradients, depths]);
-                let into = [relief, depth];
-                self.pass(
-                    ctx,
-                    "volume_resolve",
-                    PipelineKey::Resolve { deformed: variant.deformed },
-                    &into,
-                    true,
-                    &[volume.seen],
-                    self.plane_group,
-                    &sums,
-                    None,
-                );
+                self.resolve(ctx, gradients, depths);
             }
         }
+    }
+
+    fn draw_aligned(
+        &self,
+        ctx: &mut RenderContext,
+        gpu: &GpuVolume,
+        uniform: &BindingResource,
+        scene: &ViewDepthTexture,
+        gradients: &TextureView,
+        depths: &TextureView,
+    ) {
+        let volume = self.volume;
+        let (Some((key, stack)), Some(body), Some(hidden)) = (&volume.aligned, self.body, &volume.buffers.hidden)
+        else {
+            return;
+        };
+        let normals = matches!(key, AlignedKey::Slices { normals: true, .. }).then_some(gradients);
+        draw_stack(
+            ctx,
+            StackDrawing {
+                pipelines: self.aligned,
+                cache: self.cache,
+                device: self.device,
+                key: *key,
+                multisampled: volume.variant.multisampled,
+                body,
+                gpu,
+                stack: stack.as_ref(),
+                sampler: &self.pipelines.sampler,
+                view_group: (self.view_group, self.view_offset),
+                uniform: (uniform.clone(), volume.offset),
+                scene: scene.view(),
+                seen: volume.seen,
+                into: [Some(&volume.buffers.colour), Some(depths), normals],
+                hidden,
+            },
+        );
+        self.redraws.add_walked(volume.seen);
+    }
+
+    /// From blended slices to what rays leave.
+    fn resolve(&self, ctx: &mut RenderContext, gradients: &TextureView, depths: &TextureView) {
+        let buffers = &self.volume.buffers;
+        let sums = self.inputs([&buffers.colour, gradients, depths]);
+        let into = [(&buffers.relief, NOTHING), (&buffers.depth, LinearRgba::NONE)];
+        let key = PipelineKey::Resolve { deformed: self.volume.variant.deformed };
+        self.pass(ctx, "volume_resolve", key, &into, true, &[self.volume.seen], self.plane_group, &sums, None);
     }
 
     /// Smooths the normals where they are shaded anew.
@@ -283,6 +326,8 @@ pub(super) fn draw_volumes(
     lattices: Res<VolumeLattices>,
     groups: Res<OrganBindGroups>,
     redraws: Res<VolumeRedraws>,
+    aligned: Res<AlignedPipelines>,
+    bodies: Res<AlignedBodies>,
     mut ctx: RenderContext,
 ) {
     let entity = view.entity();
@@ -313,6 +358,8 @@ pub(super) fn draw_volumes(
             plane_group: &plane_group,
             volume,
             redraws: &redraws,
+            aligned: &aligned,
+            body: bodies.get(volume_entity),
         };
         if volume.is_all || !volume.walk.is_empty() {
             drawing.walk(&mut ctx, gpu, &uniform, depth);

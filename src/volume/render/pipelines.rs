@@ -172,6 +172,8 @@ impl PipelineKey {
         let (first, second) = match method {
             VolumeMethod::Rays => (Self::March(variant), Some(Self::Start(variant))),
             VolumeMethod::Slices => (Self::Slices(variant), Some(Self::Resolve { deformed: variant.deformed })),
+            // Their own pipelines are beside these.
+            VolumeMethod::PatchSlices => (Self::Resolve { deformed: variant.deformed }, None),
         };
         let composites = [true, false].map(|is_solid| Self::Composite { target, is_solid });
         [first, Self::Smooth, Self::Wet].into_iter().chain(second).chain(composites)

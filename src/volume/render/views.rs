@@ -1,5 +1,6 @@
 //! What each view keeps of each volume, and what of it must be drawn anew.
 
+use super::aligned::{AlignedBodies, AlignedKey, AlignedPipelines, AlignedView, HIDDEN_FORMAT};
 use super::extract::{ExtractedVolume, ExtractedVolumes};
 use super::patches::Patches;
 use super::pipelines::{VolumePipelines, WalkVariant};
@@ -87,6 +88,8 @@ pub(super) struct VolumeView {
     pub shade: URect,
     /// Corners of the slices: position in the world, and number of the slice.
     pub slices: Option<(Buffer, u32)>,
+    /// Slices that are aligned with a lattice, and their pipeline.
+    pub aligned: Option<(AlignedKey, Option<AlignedView>)>,
     pub depth_m: f32,
 }
 
@@ -104,6 +107,8 @@ pub(super) struct Buffers {
     pub starts: Option<TextureView>,
     /// Sums of gradients and depths; slices only.
     pub sums: Option<(TextureView, TextureView)>,
+    /// Depths before which aligned slices are drawn.
+    pub hidden: Option<TextureView>,
 }
 
 impl Buffers {
@@ -134,7 +139,13 @@ impl Buffers {
             lit: texture(COLOUR_FORMAT),
             starts: (method == VolumeMethod::Rays)
                 .then(|| sized(size.map(|side| side.div_ceil(SQUARE_PX)), START_FORMAT)),
-            sums: (method == VolumeMethod::Slices).then(|| (texture(COLOUR_FORMAT), texture(depth_sum_format(device)))),
+            sums: match method {
+                VolumeMethod::Rays => None,
+                VolumeMethod::Slices => Some((texture(COLOUR_FORMAT), texture(depth_sum_format(device)))),
+                // Blended under one another by an opacity of their own.
+                VolumeMethod::PatchSlices => Some((texture(COLOUR_FORMAT), texture(COLOUR_FORMAT))),
+            },
+            hidden: (method == VolumeMethod::PatchSlices).then(|| texture(HIDDEN_FORMAT)),
         }
     }
 }
@@ -174,6 +185,8 @@ pub(super) fn prepare_views(
     scene: Option<Res<SceneLights>>,
     views: Query<View>,
     mut pipelines: ResMut<VolumePipelines>,
+    mut aligned_pipelines: ResMut<AlignedPipelines>,
+    bodies: Res<AlignedBodies>,
     cache: Res<PipelineCache>,
     device: Res<RenderDevice>,
     queue: Res<RenderQueue>,
@@ -227,7 +240,14 @@ pub(super) fn prepare_views(
                 .unwrap_or_else(|| VolumeView::new(Buffers::new(&device, viewport.size(), volume.look.method)));
             touched.push((volume.entity, now.decide_walk(volume, &changes, &seen, walk_key)));
             let target = OrganPipelineKey::of_view(view, camera, msaa, tonemapping, OrganSides::default());
-            let is_ready = pipelines.are_ready(&cache, volume.look.method, variant, target);
+            let mut is_ready = pipelines.are_ready(&cache, volume.look.method, variant, target);
+            now.aligned = None;
+            if volume.look.method == VolumeMethod::PatchSlices {
+                let clipped = !volume.clip_planes.is_empty();
+                let key = AlignedKey::Slices { own_colours: variant.own_colours, clipped, normals: variant.lit };
+                is_ready &= aligned_pipelines.are_ready(&cache, key, variant.multisampled);
+                now.aligned = Some((key, None));
+            }
             now.offset = kept.uniforms.push(&uniform);
             now.depth_m = -view.world_from_view.affine().inverse().transform_point3(volume.centre_world_m).z;
             drawn.push((volume, now, shade_key, is_ready, uniform));
@@ -245,6 +265,11 @@ pub(super) fn prepare_views(
             }
             if volume.look.method == VolumeMethod::Slices && !now.walk.is_empty() {
                 now.slices = super::slices::buffer(&device, volume, view, &uniform);
+            }
+            if let (Some((_, stack)), Some(body)) = (&mut now.aligned, bodies.get(volume.entity))
+                && !now.walk.is_empty()
+            {
+                *stack = AlignedView::new(&device, body, volume, view, &uniform, now.seen);
             }
             kept.views.entry(entity).or_default().insert(volume.entity, now);
         }
@@ -344,6 +369,7 @@ impl VolumeView {
             is_all: false,
             shade: URect::EMPTY,
             slices: None,
+            aligned: None,
             depth_m: 0.0,
         }
     }

@@ -98,6 +98,21 @@ pub(super) fn draw(
     scene: &MarchScene,
     pixel_of: impl Fn(VoxelRay, (i32, i32), f32, &mut MarchCounts) -> Pixel + Sync,
 ) -> VolumeImage {
+    draw_rays(rays, scene, |ray, scene_m, counts| match drawn_range(ray, scene, scene_m) {
+        Some((planes, end_m)) => {
+            counts.rays += 1;
+            pixel_of(ray, planes, end_m, counts)
+        }
+        None => Pixel { end_depth_m: scene_m, ..Pixel::default() },
+    })
+}
+
+/// Works all pixels out. The function gets a ray and the depth of the scene behind it.
+pub(super) fn draw_rays(
+    rays: &ViewRays,
+    scene: &MarchScene,
+    pixel_of: impl Fn(VoxelRay, f32, &mut MarchCounts) -> Pixel + Sync,
+) -> VolumeImage {
     let size_px = rays.size_px();
     let width = size_px.x as usize;
     let count = width * size_px.y as usize;
@@ -117,13 +132,7 @@ pub(super) fn draw(
                 let ray = rays.ray(UVec2::new(x as u32, y as u32));
                 let scene_m = scene.scene_depth_m.and_then(|depths| depths.get(y * width + x)).copied();
                 let scene_m = scene_m.unwrap_or(f32::INFINITY);
-                let pixel = match drawn_range(ray, scene, scene_m) {
-                    Some((planes, end_m)) => {
-                        counts.rays += 1;
-                        pixel_of(ray, planes, end_m, counts)
-                    }
-                    None => Pixel { end_depth_m: scene_m, ..Pixel::default() },
-                };
+                let pixel = pixel_of(ray, scene_m, counts);
                 colour[x] = pixel.colour.to_array();
                 end_depth_m[x] = pixel.end_depth_m;
                 if pixel.colour.w > 0.0 {

@@ -5,10 +5,12 @@
 //! - a sample's value is interpolated trilinearly and looks up colour and opacity for one step; its opacity is multiplied with
 //!   the interpolated remaining opacity of the cut; its gradient is interpolated from central differences at the voxels
 //! - [`march`] goes front to back, skips empty blocks and stops early; [`composite_slices`] goes back to front through all
+//! - [`composite_aligned`] takes slices that are aligned with a deformed volume instead of the view
 //! - [`smooth`] evens out normals without crossing edges, [`shade`] lights the picture (paper of 2009, section 5.4)
 //!
 //! Every pixel is worked out by itself: the result does not depend on the number of threads.
 
+mod aligned;
 mod field;
 mod march;
 mod rays;
@@ -16,6 +18,7 @@ mod shade;
 mod slices;
 mod smooth;
 
+pub use aligned::{AlignedField, composite_aligned};
 pub use field::RenderField;
 #[cfg(feature = "render")]
 pub(crate) use field::encoded;
