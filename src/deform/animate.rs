@@ -211,7 +211,9 @@ fn animate_lattices(
             }
             Err(error) => {
                 if told.insert(entity) {
-                    warn!("the animation of the lattice {entity} cannot be played, and it stays as it is: {error}");
+                    tracing::warn!(
+                        "the animation of the lattice {entity} cannot be played, and it stays as it is: {error}"
+                    );
                 }
             }
         }
