@@ -15,11 +15,11 @@ use std::time::Duration;
 /// Vertices of an organ that rides in a lattice.
 const POINTS: usize = 4400;
 
-/// A lattice whose inner vertices are moved at random, as in the paper's table 1.
+/// A lattice whose inner vertices are moved at random, as in the paper's table 1, as far as it does not fold.
 fn random_lattice(level: u32) -> DeformLattice {
     let mut random = Pcg32::seed_from_u64(1);
     let mut lattice = DeformLattice::new(Vec3::ZERO, Vec3::ONE, level).expect("a lattice");
-    let most = 0.3 / f64::from(1 << level);
+    let most = 0.16 / f64::from(1 << level);
     let inner = |place: DVec3| place.min_element() > 0.0 && place.max_element() < 1.0;
     let mut part = || random.random_range(-most..most);
     lattice

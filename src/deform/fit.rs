@@ -218,3 +218,44 @@ fn push_smoothness(rows: &mut Rows, tree: &Tree, smoothness: f64) {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Sum of the squared rows for a field.
+    fn energy(lattice: &DeformLattice, field: impl Fn(DVec3) -> f64) -> f64 {
+        let tree = lattice.tree();
+        let mut rows = Rows::new(tree);
+        push_smoothness(&mut rows, tree, 1.0);
+        let free: Vec<f64> = (0..tree.vertex_count())
+            .filter(|&vertex| !tree.is_constrained(vertex))
+            .map(|vertex| field(tree.place_of(vertex)))
+            .collect();
+        rows.rows().map(|row| row.iter().map(|&(n, weight)| weight * free[n as usize]).sum::<f64>().powi(2)).sum()
+    }
+
+    #[test]
+    fn smoothness_is_the_integral_of_squared_second_derivatives() {
+        let mut lattice = DeformLattice::new(Vec3::ZERO, Vec3::ONE, 3).expect("a lattice");
+        for deeper in [false, true] {
+            if deeper {
+                let number = lattice.tree().patch_at(DVec3::splat(0.4));
+                lattice.subdivide(lattice.tree().patches()[number]).expect("it is there");
+            }
+            let close = |found: f64, expected: f64, share: f64| {
+                assert!((found - expected).abs() < share * expected, "{found} instead of {expected}");
+            };
+            // Affine fields cost what the slopes do, and that is little.
+            close(energy(&lattice, |p| 3.0 * p.x - p.y + 2.0), MEMBRANE * 10.0, 1e-9);
+            let no_slopes = |found: f64, slopes: f64| found - MEMBRANE * slopes;
+            close(no_slopes(energy(&lattice, |p| p.x * p.y), 2.0 / 3.0), 2.0, 0.01);
+            close(no_slopes(energy(&lattice, |p| p.y * p.z), 2.0 / 3.0), 2.0, 0.01);
+            close(no_slopes(energy(&lattice, |p| p.x * p.y * p.z), 1.0 / 3.0), 2.0, 0.01);
+            // Half a patch at each side has no second difference; where patches are finer the square is not met exactly.
+            for axis in 0..3 {
+                close(no_slopes(energy(&lattice, |p| p[axis] * p[axis]), 4.0 / 3.0), 4.0 * 0.875, 0.01);
+            }
+        }
+    }
+}

@@ -34,9 +34,9 @@ impl Volume {
     pub fn warped(&self, lattice: &DeformLattice) -> Result<Self, VolumeFault> {
         let size = self.grid().size;
         let field = |voxels: &Voxels| match voxels {
-            Voxels::U8(voxels) => Voxels::U8(warp(size, lattice, |at| mixed(size, voxels, at).round() as u8)),
-            Voxels::I16(voxels) => Voxels::I16(warp(size, lattice, |at| mixed(size, voxels, at).round() as i16)),
-            Voxels::U16(voxels) => Voxels::U16(warp(size, lattice, |at| mixed(size, voxels, at).round() as u16)),
+            Voxels::U8(voxels) => Voxels::U8(warp(size, lattice, |at| (mixed(size, voxels, at) + 0.5) as u8)),
+            Voxels::I16(voxels) => Voxels::I16(warp(size, lattice, |at| nearest(mixed(size, voxels, at)))),
+            Voxels::U16(voxels) => Voxels::U16(warp(size, lattice, |at| (mixed(size, voxels, at) + 0.5) as u16)),
             Voxels::F32(voxels) => Voxels::F32(warp(size, lattice, |at| mixed(size, voxels, at) as f32)),
             Voxels::Rgba(voxels) => Voxels::Rgba(warp(size, lattice, |at| mixed_colour(size, voxels, at))),
         };
@@ -44,9 +44,9 @@ impl Volume {
         let warped = Self::new(*self.grid(), field(self.voxels()), slope, intercept)?;
         let Some(structures) = self.structures() else { return Ok(warped) };
         let labels = structures.labels();
-        let nearest = |at: DVec3| labels[super::grid::linear_index(size, (at + 0.5).as_uvec3().min(size - 1))];
-        let solid = warp(size, lattice, |at| mixed(size, structures.solid(), at).round() as u8);
-        let moved = Structures::new(structures.list().to_vec(), warp(size, lattice, nearest), solid)?;
+        let label = |at: DVec3| labels[super::grid::linear_index(size, (at + 0.5).as_uvec3().min(size - 1))];
+        let solid = warp(size, lattice, |at| (mixed(size, structures.solid(), at) + 0.5) as u8);
+        let moved = Structures::new(structures.list().to_vec(), warp(size, lattice, label), solid)?;
         warped.with_structures(moved)
     }
 
@@ -83,10 +83,10 @@ fn warp<T: Copy + Default + Send>(size: UVec3, lattice: &DeformLattice, sample: 
             let end = ((high * scale.x - 0.5).ceil() as usize).clamp(x + 1, into.len());
             let at = |share: f64| lattice.translation_in(number, DVec3 { x: share, ..place_of(x) });
             let (first, last) = (at(low), at(high));
-            let step = ((last - first) / patch.side() + DVec3::X) * scale;
-            let start = (DVec3 { x: low, ..place_of(x) } + first) * scale - 0.5;
+            let step = ((last - first) / patch.side() + DVec3::X) * scale / scale.x;
+            let start = (DVec3 { x: low, ..place_of(x) } + first) * scale - 0.5 + step * (0.5 - low * scale.x);
             for (x, into) in (x..end).zip(&mut into[x..end]) {
-                *into = sample(within(size, start + step * ((x as f64 + 0.5) / scale.x - low)));
+                *into = sample(within(size, start + step * x as f64));
             }
             x = end;
         }
@@ -125,6 +125,13 @@ impl Cell {
         let along_y = |place: usize| lerp(along_x(place), along_x(place + j), self.share.y);
         lerp(along_y(self.first), along_y(self.first + k), self.share.z)
     }
+}
+
+/// The whole number nearest to one that an `i16` has room for. Rounding by casts: `f64::round` is a slow call on processors that
+/// have no instruction for it.
+#[inline]
+fn nearest(number: f64) -> i16 {
+    ((number + 32768.5) as i32 - 32768) as i16
 }
 
 #[inline]
