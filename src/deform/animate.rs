@@ -7,6 +7,7 @@ use bevy::prelude::*;
 use glam::DVec3;
 use serde::{Deserialize, Serialize};
 use std::f64::consts::TAU;
+use tracing::warn;
 
 /// Moves the [`DeformLattice`] of its entity, step by step, by simulated time; beside a lattice alone it does nothing.
 #[derive(Component, Clone, Debug, PartialEq, Reflect, Serialize, Deserialize)]
