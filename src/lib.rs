@@ -54,6 +54,9 @@ pub mod volume;
 /// What a scene needs, in one import.
 pub mod prelude {
     pub use crate::SurgeryPlugins;
+    pub use crate::deform::elastic::{
+        BodyContact, ElasticBody, ElasticTissue, GraspBody, GraspHeld, GraspSlipped, PressBody, TissueTorn, ToolShape,
+    };
     pub use crate::deform::{
         AffineField, DeformBodies, DeformLattice, DeformPlugin, KeyFrame, KeyFrames, KeyInterpolation,
         LatticeAnimation, LatticeError, LatticeMotion, NormalDeformation, Patch, TravellingWave,
@@ -118,11 +121,11 @@ use bevy::app::{PluginGroup, PluginGroupBuilder};
 /// |---|---|---|
 /// | [`SurgerySchedulePlugin`](schedule::SurgerySchedulePlugin) | [`SurgerySystems`](schedule::SurgerySystems), 60 steps a second | |
 /// | [`SurgeryRenderPlugin`](render::SurgeryRenderPlugin) (feature `render`) | shaders, light list, [`OrganPasses`](render::OrganPasses) | |
-/// | [`DeformPlugin`](deform::DeformPlugin) | [`DeformLattice`](deform::DeformLattice), [`LatticeAnimation`](deform::LatticeAnimation) | schedule |
 /// | [`OrganPlugin`](organ::OrganPlugin) | organ loaders, [`Organ`](organ::Organ), [`OrganShape`](organ::OrganShape) | schedule |
 /// | [`SkinPlugin`](skin::SkinPlugin) | [`Skin`](skin::Skin) | organ; render to be seen |
 /// | [`ReactionsPlugin`](reactions::ReactionsPlugin) | [`Reactions`](reactions::Reactions), [`OrganTouch`](reactions::OrganTouch) | organ; render to be seen |
 /// | [`HighlightsPlugin`](highlights::HighlightsPlugin) | [`Highlights`](highlights::Highlights) | organ; render to be seen |
+/// | [`DeformPlugin`](deform::DeformPlugin) | [`DeformLattice`](deform::DeformLattice), [`LatticeAnimation`](deform::LatticeAnimation), [`ElasticBody`](deform::elastic::ElasticBody), organs that ride in them | organ |
 /// | [`VolumePlugin`](volume::VolumePlugin) | [`CtVolume`](volume::CtVolume), [`LoadVolume`](volume::LoadVolume), [`DrillVolume`](volume::DrillVolume) | schedule; render to be seen |
 /// | [`PoolPlugin`](pool::PoolPlugin) | [`Pool`](pool::Pool), [`SuctionIrrigator`](pool::SuctionIrrigator), [`Bleeder`](pool::Bleeder) | schedule, volume; render to be seen |
 /// | [`SurgeryViewPlugin`](view::SurgeryViewPlugin) (feature `render`) | [`Endoscope`](view::Endoscope), [`Microscope`](view::Microscope), [`ScopeLight`](view::ScopeLight), [`ScopeMask`](view::ScopeMask), [`StereoPair`](view::StereoPair), [`MonitorView`](view::MonitorView), [`ToolShadows`](view::ToolShadows) | render |
@@ -134,8 +137,8 @@ impl PluginGroup for SurgeryPlugins {
         #[cfg(feature = "render")]
         let group = group.add(render::SurgeryRenderPlugin);
         let group = group
-            .add(deform::DeformPlugin)
             .add(organ::OrganPlugin::default())
+            .add(deform::DeformPlugin)
             .add(skin::SkinPlugin)
             .add(reactions::ReactionsPlugin)
             .add(highlights::HighlightsPlugin)

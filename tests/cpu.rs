@@ -1,6 +1,8 @@
 //! The models without a renderer: these tests run with `--no-default-features` too.
 
 mod deform_animate;
+#[path = "deform_elastic.rs"]
+mod deform_elastic;
 mod deform_fit;
 mod deform_gradient;
 mod deform_inverse;

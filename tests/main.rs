@@ -1,6 +1,7 @@
 //! All integration tests in one binary: linking Bevy is the slow part.
 
 mod deform_animate;
+mod deform_elastic;
 mod deform_fit;
 mod deform_gradient;
 mod deform_inverse;

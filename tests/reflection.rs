@@ -18,6 +18,7 @@ const NOT_DATA: &[(&str, &str)] = &[
     ("DrillVolumes", "a system set"),
     ("FlowPools", "a system set"),
     ("FollowLattices", "a system set"),
+    ("StepBodies", "a system set"),
     ("PrepareCuts", "a system set"),
     ("DeformBodies", "a system set"),
     ("LatticeInverse", "borrows"),

@@ -1,5 +1,6 @@
 //! Lattices that move by themselves: key frames and functions (the paper's carp).
 
+use super::elastic::StepBodies;
 use super::lattice::{DeformLattice, Tree};
 use super::{DeformBodies, LatticeError};
 use bevy::ecs::entity::EntityHashSet;
@@ -7,7 +8,6 @@ use bevy::prelude::*;
 use glam::DVec3;
 use serde::{Deserialize, Serialize};
 use std::f64::consts::TAU;
-use tracing::warn;
 
 /// Moves the [`DeformLattice`] of its entity, step by step, by simulated time; beside a lattice alone it does nothing.
 #[derive(Component, Clone, Debug, PartialEq, Reflect, Serialize, Deserialize)]
@@ -228,5 +228,5 @@ pub(super) fn build(app: &mut App) {
         .register_type::<KeyFrame>()
         .register_type::<KeyInterpolation>()
         .register_type::<TravellingWave>()
-        .add_systems(FixedUpdate, animate_lattices.in_set(DeformBodies));
+        .add_systems(FixedUpdate, animate_lattices.in_set(DeformBodies).before(StepBodies));
 }

@@ -1,21 +1,24 @@
-//! What of the lattice lives in an app.
+//! What deforms, in an app.
 
 use super::{AffineField, DeformLattice, FitReport, LatticeError, NormalDeformation, Patch, Subdivision, lattice};
 use crate::schedule::SurgerySystems;
 use bevy::prelude::*;
 
-/// The crate's systems that move lattices, in [`SurgerySystems::Deform`]. A system of your own that moves vertices by hand runs before
-/// it, or after it to have the last word; what reads lattices belongs behind it.
+/// The crate's systems that move lattices, bodies and the organs that ride in them, in [`SurgerySystems::Deform`]: first the
+/// animations, then the bodies, then the organs. A system of your own that moves a lattice by hand runs before it; what reads
+/// lattices belongs behind it.
 #[derive(SystemSet, Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub struct DeformBodies;
 
-/// Lattices and what moves them. See the [module](super).
+/// Lattices, elastic bodies, and the organs that ride in them. See the [module](super).
 pub struct DeformPlugin;
 
 impl Plugin for DeformPlugin {
     fn build(&self, app: &mut App) {
         app.configure_sets(FixedUpdate, DeformBodies.in_set(SurgerySystems::Deform));
         super::animate::build(app);
+        super::elastic::build(app);
+        super::organs::build(app);
         app.register_type::<DeformLattice>()
             .register_type::<LatticeError>()
             .register_type::<Patch>()

@@ -9,6 +9,7 @@ pub mod cut;
 mod data;
 mod deformed;
 mod drilling;
+mod elastic;
 pub mod error;
 mod grid;
 mod lattice;

@@ -1,12 +1,12 @@
 //! What the render world takes of volumes each frame.
 
 use super::gpu::VolumeTextures;
-use super::lattices::ExtractedLattice;
+use super::lattices::{ExtractedLattice, shown_box, shown_boxes};
 use super::shown::{ShownVolume, all_blocks};
 use super::texels::{field_format, field_texels, gradient_texels};
 use crate::deform::DeformLattice;
 use crate::render::finite_within;
-use crate::volume::deformed::{DeformedVolume, shown_box, shown_boxes};
+use crate::volume::deformed::DeformedVolume;
 use crate::volume::grid::linear_index;
 use crate::volume::software::plane_in_voxels;
 use crate::volume::transfer::{ColourSource, colours};

@@ -1,9 +1,11 @@
 //! Lattices that deform volumes, on their way to the GPU: each frame only what moved of them, some kilobytes.
 
 use super::extract::ExtractedVolumes;
-use crate::deform::NormalDeformation;
+use crate::deform::{DeformLattice, NormalDeformation};
 use crate::render::Uploads;
-use crate::volume::VoxelLattice;
+use crate::volume::lattice::voxel_from_box;
+use crate::volume::{VolumeGrid, VoxelLattice};
+use bevy::math::{DAffine3, DVec3};
 use bevy::prelude::*;
 use bevy::render::render_resource::*;
 use bevy::render::renderer::{RenderDevice, RenderQueue};
@@ -11,6 +13,36 @@ use bevy::render::sync_world::MainEntity;
 use half::f16;
 use std::collections::BTreeMap;
 use std::sync::Arc;
+
+/// Voxel coordinates between which a lattice shows some of the matter that rests in a box.
+pub(super) fn shown_box(lattice: &DeformLattice, grid: &VolumeGrid, low: Vec3, high: Vec3) -> (Vec3, Vec3) {
+    let none = (Vec3::INFINITY, Vec3::NEG_INFINITY);
+    shown_boxes(lattice, grid, low, high).fold(none, |all, one| (all.0.min(one.0), all.1.max(one.1)))
+}
+
+/// The same as one box for each patch that may show some of it.
+pub(super) fn shown_boxes(
+    lattice: &DeformLattice,
+    grid: &VolumeGrid,
+    low: Vec3,
+    high: Vec3,
+) -> impl Iterator<Item = (Vec3, Vec3)> {
+    let voxel_from_box = voxel_from_box(lattice, grid);
+    let around = |matrix: &DAffine3, low: DVec3, high: DVec3| {
+        let corners = (0..8).map(|n: usize| {
+            let side = |axis: usize| if n >> axis & 1 == 0 { low[axis] } else { high[axis] };
+            matrix.transform_point3(DVec3::new(side(0), side(1), side(2)))
+        });
+        corners.fold((DVec3::INFINITY, DVec3::NEG_INFINITY), |all, at| (all.0.min(at), all.1.max(at)))
+    };
+    let is_empty = low.cmpgt(high).any();
+    let (low, high) = around(&voxel_from_box.inverse(), low.as_dvec3(), high.as_dvec3());
+    let (low, high) = if is_empty { (DVec3::INFINITY, DVec3::NEG_INFINITY) } else { (low, high) };
+    lattice.shown_bounds(low, high).map(move |(low, high)| {
+        let (low, high) = around(&voxel_from_box, low, high);
+        (low.as_vec3(), high.as_vec3())
+    })
+}
 
 /// A lattice of this frame.
 pub(super) struct ExtractedLattice {
