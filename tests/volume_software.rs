@@ -2,6 +2,7 @@
 
 mod agreement;
 mod bounds;
+mod deformed;
 mod march;
 mod wet;
 
