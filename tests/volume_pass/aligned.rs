@@ -1,7 +1,7 @@
 //! Slices that are aligned with a deformed volume: the picture is that of their twin, and near to that of the field itself.
 
-use super::stage::{Difference, EYE, Shot, Stage};
-use super::{SIZE, specimen, veil, volume_of};
+use super::stage::{Difference, EYE, SIZE_PX, Shot, Stage};
+use super::{SIZE, points, specimen, veil, volume_of};
 use bevy::math::{DVec3, UVec3};
 use bevy::prelude::*;
 use bevy::render::render_resource::encase::internal::WriteInto;
@@ -100,9 +100,10 @@ fn every_side_is_the_twins() {
 /// The same matter, whether its slices are met head on or at an angle.
 #[test]
 fn opacity_does_not_depend_on_the_angle() {
-    let mut stage = stage();
-    // A ball in a mist, of which all slices show something.
-    let volume = stage.volume;
+    // A mist in which no ray ends before it has gone through.
+    let mist = points(&[(0.1, [200, 120, 60], 0.0), (0.6, [220, 200, 190], 0.05)]);
+    let mut stage = Stage::new(volume_of(SIZE, DVec3::ONE, specimen), mist);
+    stage.look().wet.is_shaded = false;
     for angle in [0.0_f32, 0.2, 0.4, 0.6, 0.78] {
         stage.aim(Quat::from_rotation_y(angle) * Vec3::new(0.0, 0.02, 0.095), Vec3::ZERO);
         stage.look().method = VolumeMethod::Rays;
@@ -113,9 +114,8 @@ fn opacity_does_not_depend_on_the_angle() {
         let likeness = psnr(&slices, &rays.colour);
         let ratio = opacity(&slices) / opacity(&rays);
         println!("at {angle}: {likeness:.1} dB, opacity {ratio:.4} of the rays'");
-        assert!(likeness > 35.0 && (ratio - 1.0).abs() < 0.01, "at {angle}: {likeness} dB, {ratio}");
+        assert!(likeness > 35.0 && (ratio - 1.0).abs() < 5e-3, "at {angle}: {likeness} dB, {ratio}");
     }
-    let _ = volume;
 }
 
 /// A lattice of patches of several sizes leaves no holes in what is solid.
@@ -141,18 +141,19 @@ fn patches_of_different_sizes_leave_no_gaps() {
     for eye in [EYE, Vec3::new(-0.08, 0.03, 0.02), Vec3::new(0.01, -0.09, 0.03)] {
         stage.aim(eye, Vec3::ZERO);
         let shot = stage.shot();
-        let rows = shot.colour.chunks(super::stage::SIZE_PX.x as usize);
-        let mut inside = 0;
-        for row in rows {
-            // The box is convex: between the first and the last solid pixel of a row there are only solid ones.
-            let is_solid = |texel: &[f32; 4]| texel[3] > 0.9;
-            let (Some(first), Some(last)) = (row.iter().position(is_solid), row.iter().rposition(is_solid)) else {
-                continue;
-            };
-            assert!(row[first..=last].iter().all(is_solid), "a hole from {eye}");
-            inside += last - first + 1;
+        let size = SIZE_PX.as_ivec2();
+        let is_solid = |at: IVec2| {
+            let is_in = at.cmpge(IVec2::ZERO).all() && at.cmplt(size).all();
+            is_in && shot.colour[(at.y * size.x + at.x) as usize][3] > 0.5
+        };
+        let solid = (0..size.x * size.y).filter(|k| is_solid(IVec2::new(k % size.x, k / size.x))).count();
+        assert!(solid > 1000, "{solid} pixels are solid from {eye}");
+        for at in (0..size.x * size.y).map(|k| IVec2::new(k % size.x, k / size.x)).filter(|at| !is_solid(*at)) {
+            // Something solid within two pixels on all four sides.
+            let sides = [IVec2::X, IVec2::NEG_X, IVec2::Y, IVec2::NEG_Y];
+            let is_hole = sides.iter().all(|&side| is_solid(at + side) || is_solid(at + 2 * side));
+            assert!(!is_hole, "a hole at {at} from {eye}");
         }
-        assert!(inside > 1000, "{inside}");
     }
 }
 

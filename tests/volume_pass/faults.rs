@@ -9,7 +9,7 @@ use bevy_surgery::volume::{
     CtVolume, SmoothedNormals, Volume, VolumeGrid, VolumeLook, VolumeMethod, Voxels, WetShading,
 };
 
-const METHODS: [VolumeMethod; 2] = [VolumeMethod::Rays, VolumeMethod::Slices];
+const METHODS: [VolumeMethod; 3] = [VolumeMethod::Rays, VolumeMethod::Slices, VolumeMethod::PatchSlices];
 
 fn is_empty(shot: &Shot) -> bool {
     shot.colour.iter().all(|texel| *texel == [0.0; 4]) && shot.depth_m.iter().all(|depth| depth.is_infinite())

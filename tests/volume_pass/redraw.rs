@@ -46,7 +46,7 @@ fn assert_is_up_to_date(stage: &mut Stage, what: &str) {
 
 #[test]
 fn an_unchanged_view_costs_nothing() {
-    for method in [VolumeMethod::Rays, VolumeMethod::Slices] {
+    for method in [VolumeMethod::Rays, VolumeMethod::Slices, VolumeMethod::PatchSlices] {
         let mut stage = specimen_stage();
         stage.look().method = method;
         let first = stage.shot();
@@ -115,7 +115,7 @@ fn light_and_film_only_shade() {
 
 #[test]
 fn a_box_that_moves_is_walked_where_it_is_and_was() {
-    for method in [VolumeMethod::Rays, VolumeMethod::Slices] {
+    for method in [VolumeMethod::Rays, VolumeMethod::Slices, VolumeMethod::PatchSlices] {
         let mut stage = Stage::with_materials(volume_of(SIZE, DVec3::ONE, specimen), veil());
         stage.look().method = method;
         let world = stage.app.world_mut();
@@ -163,7 +163,7 @@ fn a_box_that_moves_is_walked_where_it_is_and_was() {
 
 #[test]
 fn drilling_walks_and_uploads_what_it_touches() {
-    for method in [VolumeMethod::Rays, VolumeMethod::Slices] {
+    for method in [VolumeMethod::Rays, VolumeMethod::Slices, VolumeMethod::PatchSlices] {
         let mut stage = specimen_stage();
         stage.look().method = method;
         let whole = stage.shot();

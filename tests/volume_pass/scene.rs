@@ -125,7 +125,7 @@ fn boxes_and_volumes_hide_one_another() {
     for msaa in [Msaa::Off, Msaa::Sample4] {
         let entity = stage.camera;
         stage.set(entity, msaa);
-        for method in [VolumeMethod::Rays, VolumeMethod::Slices] {
+        for method in [VolumeMethod::Rays, VolumeMethod::Slices, VolumeMethod::PatchSlices] {
             stage.look().method = method;
             for (name, middle) in [
                 ("in front", towards * 0.03),
@@ -150,7 +150,7 @@ fn what_stands_in_a_veil_is_seen_through_it() {
     let wall_m = 0.092;
     stage.aim(Vec3::Z * 0.1, Vec3::ZERO);
     add_box(&mut stage, Vec3::Z * (0.1 - wall_m - 0.001), Vec3::new(0.1, 0.1, 0.001), Color::BLACK);
-    for method in [VolumeMethod::Rays, VolumeMethod::Slices] {
+    for method in [VolumeMethod::Rays, VolumeMethod::Slices, VolumeMethod::PatchSlices] {
         stage.look().method = method;
         let shot = stage.shot();
         let depths = vec![wall_m; shot.colour.len()];
