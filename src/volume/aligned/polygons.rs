@@ -120,8 +120,8 @@ impl PatchPolygons {
             };
             let first = (low.z * count as f32) as usize + 1;
             let last = ((low.z + side) * count as f32) as usize;
-            for layer in first - usize::from(begins)..=last + usize::from(ends) {
-                layers[layer].push(own.clone());
+            for layer in &mut layers[first - usize::from(begins)..=last + usize::from(ends)] {
+                layer.push(own.clone());
             }
         }
         self.layers[axis] = layers;
