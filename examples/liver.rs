@@ -2,7 +2,8 @@
 //! with the crate. With `--preset` it is another organ; with `--script demo` everything is done with no one there.
 //!
 //! The left button works with the instrument that was chosen: 1 a probe that presses, 2 an electrode that coagulates, 3 one
-//! that cuts, 4 a biopsy needle. Drag with the right button to turn the view, with the middle one to move it, scroll to
+//! that cuts, 4 a biopsy needle, 5 a grasper that takes hold where it is pressed, follows the mouse, and lifts with the arrows up and
+//! down. Drag with the right button to turn the view, with the middle one to move it, scroll to
 //! come closer; Escape ends.
 
 mod common;
@@ -59,7 +60,7 @@ fn setup(
         Skin { seed: args.seed, sheen: 0.15, ..args.preset.skin() },
         Reactions { map_width_px: args.map, ..default() },
         Highlights { grain_tilt: 0.02, dry_roughness: 0.016, ..default() },
-        Patient::default(),
+        Patient,
     ));
     // The wall of the abdomen round it: the same kind of organ, hollow and seen from inside.
     let wall = procedural_ellipsoid(Vec3::new(0.26, 0.24, 0.26), 6);

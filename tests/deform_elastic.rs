@@ -1,5 +1,7 @@
 //! Elastic bodies against closed forms, and against what would break them.
 
+#[path = "deform_elastic/ecs.rs"]
+mod ecs;
 #[path = "deform_elastic/solids.rs"]
 mod solids;
 #[path = "deform_elastic/violence.rs"]

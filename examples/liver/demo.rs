@@ -1,4 +1,4 @@
-//! The scripted run: marks, burns, punctures and presses, always the same.
+//! The scripted run: marks, burns, punctures, presses and a lifted edge, always the same.
 
 use crate::instruments::{Held, Instrument};
 use bevy::prelude::*;
@@ -16,14 +16,18 @@ const fn act(steps: (u32, u32), instrument: Instrument, from: (f32, f32), to: (f
     Act { steps, instrument, from: Vec2::new(from.0, from.1), to: Vec2::new(to.0, to.1) }
 }
 
-/// A marking line, a burnt cross, then pressure beside the reflection; the punctures come from [`PUNCTURES`].
-const ACTS: [Act; 5] = [
+/// A marking line, a burnt cross, pressure beside the reflection, and after the punctures of [`PUNCTURES`] an edge that is lifted.
+const ACTS: [Act; 6] = [
     act((10, 100), Instrument::Coagulation(14.0), (-0.62, 0.10), (-0.12, 0.22)),
     act((110, 165), Instrument::Coagulation(45.0), (-0.50, -0.22), (-0.10, 0.02)),
     act((170, 225), Instrument::Coagulation(45.0), (-0.46, 0.04), (-0.14, -0.24)),
     act((226, 280), Instrument::Coagulation(45.0), (-0.14, -0.24), (-0.46, 0.04)),
     act((300, 400), Instrument::Probe, (0.16, -0.02), (0.16, -0.02)),
+    act((540, 645), Instrument::Grasper, (-0.3, -0.42), (-0.3, -0.42)),
 ];
+
+/// Steps between which the grasper rises, and how far, metres.
+const LIFT: (f32, f32, f32) = (550.0, 600.0, 0.03);
 
 /// Ten thrusts of the needle, one every six steps.
 const PUNCTURES: (u32, u32) = (440, 6);
@@ -57,6 +61,8 @@ fn perform(
         held.instrument = act.instrument;
         held.ray = towards(act.from.lerp(act.to, share));
         held.is_on = true;
+        let (from, to, lift_m) = LIFT;
+        held.lift_m = lift_m * ((now as f32 - from) / (to - from)).clamp(0.0, 1.0);
     }
     let (first, every) = PUNCTURES;
     if let Some(number) = now.checked_sub(first).map(|since| since / every).filter(|&number| number < 10) {

@@ -1,4 +1,4 @@
-//! Simple instruments for the example: a probe, an electrode and a needle at the end of a ray.
+//! Simple instruments for the example: a probe, an electrode, a needle and a grasper at the end of a ray.
 
 use crate::common::{Args, Script, Stage, Viewer};
 use bevy::camera::visibility::RenderLayers;
@@ -6,14 +6,9 @@ use bevy::prelude::*;
 use bevy::window::PrimaryWindow;
 use bevy_surgery::prelude::*;
 
-/// The organ that is operated on, and the dent that the probe has made in it.
-#[derive(Component, Default)]
-pub struct Patient {
-    /// Where it was pressed last.
-    place: SurfacePoint,
-    /// How deep it is now, metres.
-    depth_m: f32,
-}
+/// The organ that is operated on.
+#[derive(Component)]
+pub struct Patient;
 
 /// What works at the end of the ray.
 #[derive(Clone, Copy, PartialEq, Debug)]
@@ -26,6 +21,8 @@ pub enum Instrument {
     Cut(f64),
     /// Opens a vessel with each thrust.
     Needle,
+    /// Takes hold and lifts.
+    Grasper,
 }
 
 /// What the mouse or the script does.
@@ -37,8 +34,32 @@ pub struct Held {
     pub ray: Option<Ray3d>,
     /// Whether it is at work.
     pub is_on: bool,
+    /// How far the grasper is lifted, towards the camera's upper side, metres.
+    pub lift_m: f32,
     was_on: bool,
     contact: Option<OrganHit>,
+    /// Where the organ was met as the instrument was switched on.
+    began: Option<OrganHit>,
+    /// How deep the probe is beyond that, metres.
+    depth_m: f32,
+    /// Middle of the instrument's tip, where it does not follow from the contact.
+    tip_m: Option<Vec3>,
+}
+
+impl Default for Held {
+    fn default() -> Self {
+        Self {
+            instrument: Instrument::Probe,
+            ray: None,
+            is_on: false,
+            lift_m: 0.0,
+            was_on: false,
+            contact: None,
+            began: None,
+            depth_m: 0.0,
+            tip_m: None,
+        }
+    }
 }
 
 /// The rod that is seen.
@@ -48,14 +69,15 @@ struct Shaft;
 const SHAFT_RADIUS_M: f32 = 0.0022;
 const SHAFT_LENGTH_M: f32 = 0.2;
 const DENT_DEPTH_M: f32 = 0.007;
-/// Standard deviation of the dent's bell.
-const DENT_WIDTH_M: f32 = 0.011;
+/// The grasper's jaws: what they hold, and how hard.
+const JAWS_RADIUS_M: f32 = 0.007;
+const GRIP_N: f32 = 12.0;
 
 pub fn build(app: &mut App) {
-    let held = Held { instrument: Instrument::Probe, ray: None, is_on: false, was_on: false, contact: None };
-    app.insert_resource(held)
+    app.init_resource::<Held>()
         .add_systems(Startup, spawn_shaft)
-        .add_systems(FixedUpdate, (touch.in_set(SurgerySystems::Touch), press.in_set(SurgerySystems::Deform)))
+        .add_systems(PreUpdate, soften)
+        .add_systems(FixedUpdate, (touch, press).chain().in_set(SurgerySystems::Touch))
         .add_systems(Update, place_shaft);
     let is_played = app.world().resource::<Stage>().viewer == Viewer::Person
         && app.world().resource::<Args>().script == Script::None;
@@ -76,6 +98,7 @@ fn follow_mouse(
         (KeyCode::Digit2, Instrument::Coagulation(30.0)),
         (KeyCode::Digit3, Instrument::Cut(40.0)),
         (KeyCode::Digit4, Instrument::Needle),
+        (KeyCode::Digit5, Instrument::Grasper),
     ] {
         if keys.just_pressed(key) {
             held.instrument = instrument;
@@ -85,6 +108,9 @@ fn follow_mouse(
     let camera = cameras.iter().next();
     held.ray = cursor.zip(camera).and_then(|(at, (camera, eye))| camera.viewport_to_world(eye, at).ok());
     held.is_on = buttons.pressed(MouseButton::Left);
+    // With something between the jaws the arrows lift it.
+    let arrows = f32::from(keys.pressed(KeyCode::ArrowUp)) - f32::from(keys.pressed(KeyCode::ArrowDown));
+    held.lift_m += 0.0006 * arrows;
 }
 
 /// Finds where the ray meets the organ, and does there what the instrument does.
@@ -97,44 +123,97 @@ fn touch(
     held.contact = held.ray.and_then(|ray| picking.cast_ray_at(ray, 1.0, |organ| patients.contains(organ)));
     let is_thrust = held.is_on && !held.was_on;
     held.was_on = held.is_on;
+    if !held.is_on {
+        held.began = None;
+        (held.lift_m, held.depth_m) = (0.0, 0.0);
+    } else if held.began.is_none() {
+        held.began = held.contact;
+    }
     let Some(hit) = held.contact.filter(|_| held.is_on) else { return };
     let action = match held.instrument {
         Instrument::Probe => ReactionAction::Press { pressure: 1.0, radius_m: 0.016 },
         Instrument::Coagulation(power_w) => ReactionAction::Cauterize(Cautery::coagulate(power_w)),
         Instrument::Cut(power_w) => ReactionAction::Cauterize(Cautery::cut(power_w)),
+        Instrument::Grasper => return,
         Instrument::Needle if is_thrust => ReactionAction::Wound(Wound::default()),
         Instrument::Needle => return,
     };
     touches.write(OrganTouch { organ: hit.organ, point: hit.point, instrument: 0, action });
 }
 
-/// Lets the organ give way under the probe and come back slowly: a bell pushed inward.
-fn press(
-    held: Res<Held>,
-    time: Res<Time>,
+/// Makes the organ soft when it is there: a body of its own tissue, held by ligaments at its back.
+fn soften(
+    mut commands: Commands,
+    args: Res<Args>,
     models: Res<Assets<OrganModel>>,
-    mut patients: Query<(&mut Patient, &Organ, &mut OrganShape)>,
-) {
-    for (mut patient, organ, mut shape) in &mut patients {
+    patients: Query<(Entity, &Organ, &OrganShape), (With<Patient>, Without<ElasticBody>)>,
+) -> Result {
+    for (entity, organ, shape) in &patients {
         let Some(model) = models.get(&organ.0).filter(|model| shape.is_of(model)) else { continue };
-        let pressed = held.contact.filter(|_| held.is_on && held.instrument == Instrument::Probe);
-        if let Some(hit) = pressed {
-            patient.place = hit.point;
-        }
-        let (target_m, time_s) = if pressed.is_some() { (DENT_DEPTH_M, 0.12) } else { (0.0, 0.35) };
-        let depth_m = target_m + (patient.depth_m - target_m) * (-time.delta_secs() / time_s).exp();
-        if (depth_m - patient.depth_m).abs() < 1e-6 {
-            continue;
-        }
-        patient.depth_m = depth_m;
-        let at_rest = OrganShape::at_rest(model);
-        let rest = model.surface(&at_rest);
-        let (middle, inward) = (rest.position_m(patient.place).as_vec3(), -rest.normal(patient.place).as_vec3());
-        for (vertex, at_rest) in shape.move_vertices().iter_mut().zip(rest.positions_m) {
-            let squares = at_rest.distance_squared(middle) / (DENT_WIDTH_M * DENT_WIDTH_M);
-            *vertex = *at_rest + inward * depth_m * (-0.5 * squares).exp();
-        }
+        let tissue = match args.preset {
+            OrganPreset::Gallbladder => ElasticTissue::GALLBLADDER,
+            OrganPreset::Kidney => ElasticTissue::KIDNEY,
+            _ => ElasticTissue::LIVER,
+        };
+        let surface = model.surface(shape);
+        let mut lattice = DeformLattice::around_organ(model, 3, 0.02)?;
+        // Finer where it is seen and worked on: its surface towards the camera.
+        let is_worked_on = |n: usize| surface.normals[n].dot(Vec3::new(0.0, 0.45, 0.9)) > 0.3;
+        lattice.refine_where(5, |low, high| {
+            let is_in = |position_m: &Vec3| position_m.cmpge(low).all() && position_m.cmple(high).all();
+            surface.positions_m.iter().enumerate().any(|(n, position_m)| is_in(position_m) && is_worked_on(n))
+        })?;
+        let (low, high) = model.mesh.bounds_m();
+        let mut body = ElasticBody::of_organ(&lattice, model, tissue)?
+            .pinned_where(|rest_m| rest_m.z < low.z + 0.45 * (high.z - low.z));
+        // Only volumes have to be told where matter comes from.
+        body.publishes = false;
+        commands.entity(entity).insert((lattice, body));
     }
+    Ok(())
+}
+
+/// Pushes the probe into the organ, and lifts what the grasper holds.
+fn press(
+    mut held: ResMut<Held>,
+    time: Res<Time>,
+    scopes: Query<&GlobalTransform, With<Endoscope>>,
+    mut presses: MessageWriter<PressBody>,
+    mut grasps: MessageWriter<GraspBody>,
+) {
+    held.tip_m = None;
+    let (Some(began), Some(ray)) = (held.began.filter(|_| held.is_on), held.ray) else { return };
+    let (at, outward, body) = (began.position_world_m, began.normal_world, began.organ);
+    match held.instrument {
+        Instrument::Probe => {
+            // It slides along the surface as it was met, and goes deeper than that.
+            let share = 1.0 - (-time.delta_secs() / 0.12).exp();
+            held.depth_m += (DENT_DEPTH_M - held.depth_m) * share;
+            let along = ray.intersect_plane(at, InfinitePlane3d::new(outward)).map(|distance| ray.get_point(distance));
+            let tip_m = along.unwrap_or(at) + outward * (SHAFT_RADIUS_M - held.depth_m);
+            let shape = ToolShape::Capsule { tip_m, back_m: back_of(tip_m), radius_m: SHAFT_RADIUS_M };
+            presses.write(PressBody { body, tool: 0, shape, friction: 0.1 });
+            held.tip_m = Some(tip_m);
+        }
+        Instrument::Grasper => {
+            // It moves in the plane through where it took hold that faces the camera.
+            let Some(eye) = scopes.iter().next() else { return };
+            let plane = InfinitePlane3d::new(*eye.back());
+            let along = ray.intersect_plane(at, plane).map(|distance| ray.get_point(distance));
+            let position_world_m = along.unwrap_or(at) + eye.up() * held.lift_m;
+            let rotation_world = Quat::IDENTITY;
+            let (radius_m, grip_force_n, friction) = (JAWS_RADIUS_M, GRIP_N, 0.8);
+            let tool = 1;
+            grasps.write(GraspBody { body, tool, position_world_m, rotation_world, radius_m, grip_force_n, friction });
+            held.tip_m = Some(position_world_m);
+        }
+        _ => {}
+    }
+}
+
+/// The other end of a shaft: instruments come in through the abdominal wall on the right.
+fn back_of(tip_m: Vec3) -> Vec3 {
+    tip_m + (Vec3::new(0.13, 0.17, 0.14) - tip_m).normalize_or(Vec3::Y) * SHAFT_LENGTH_M
 }
 
 fn spawn_shaft(
@@ -161,19 +240,18 @@ fn spawn_shaft(
     commands.spawn((lamp, Transform::from_xyz(-0.05, 0.2, 0.25), RenderLayers::layer(1)));
 }
 
-/// Holds the rod by its tip; it comes in through the abdominal wall on the right.
+/// Holds the rod by its tip.
 fn place_shaft(held: Res<Held>, mut shafts: Query<(&mut Transform, &mut Visibility), With<Shaft>>) {
     for (mut transform, mut visibility) in &mut shafts {
-        let Some(hit) = held.contact else {
+        let lift_m = if held.is_on { 0.4 * SHAFT_RADIUS_M } else { 0.006 };
+        let on_surface = held.contact.map(|hit| hit.position_world_m + hit.normal_world * lift_m);
+        let Some(tip) = held.tip_m.or(on_surface) else {
             *visibility = Visibility::Hidden;
             continue;
         };
         *visibility = Visibility::Inherited;
-        let port = Vec3::new(0.13, 0.17, 0.14);
-        let lift_m = if held.is_on { 0.4 * SHAFT_RADIUS_M } else { 0.006 };
-        let tip = hit.position_world_m + hit.normal_world * lift_m;
-        let along = (port - tip).normalize_or(Vec3::Y);
-        transform.translation = tip + along * (0.5 * SHAFT_LENGTH_M + SHAFT_RADIUS_M);
-        transform.rotation = Quat::from_rotation_arc(Vec3::Y, along);
+        let back = back_of(tip);
+        transform.translation = tip.midpoint(back);
+        transform.rotation = Quat::from_rotation_arc(Vec3::Y, (back - tip).normalize_or(Vec3::Y));
     }
 }

@@ -91,21 +91,18 @@ fn patterns(c: [Lanes; 8]) -> [Lanes; 8] {
 
 /// What the patterns sum up to at the corners.
 #[inline(always)]
-fn corners(p: [Lanes; PATTERNS]) -> [Lanes; 8] {
-    let [x, y, z, xy, yz, zx, xyz] = p;
-    // At the lower and the upper side along z.
-    let (base0, base1) = (-z, z);
-    let (x0, x1) = (x - zx, x + zx);
-    let (y0, y1) = (y - yz, y + yz);
-    let (xy0, xy1) = (xy - xyz, xy + xyz);
-    let side = |base: Lanes, x: Lanes, y: Lanes, xy: Lanes| {
-        let (low, high) = (base - y, base + y);
-        let (along_low, along_high) = (x - xy, x + xy);
-        [low - along_low, low + along_low, high - along_high, high + along_high]
-    };
-    let [a, b, c, d] = side(base0, x0, y0, xy0);
-    let [e, f, g, h] = side(base1, x1, y1, xy1);
+fn corners([x, y, z, xy, yz, zx, xyz]: [Lanes; PATTERNS]) -> [Lanes; 8] {
+    let [a, b, c, d] = corners_of_side(-z, x - zx, y - yz, xy - xyz);
+    let [e, f, g, h] = corners_of_side(z, x + zx, y + yz, xy + xyz);
     [a, b, c, d, e, f, g, h]
+}
+
+/// The same for four corners at one side along z.
+#[inline(always)]
+fn corners_of_side(base: Lanes, x: Lanes, y: Lanes, xy: Lanes) -> [Lanes; 4] {
+    let (low, high) = (base - y, base + y);
+    let (along_low, along_high) = (x - xy, x + xy);
+    [low - along_low, low + along_low, high - along_high, high + along_high]
 }
 
 #[inline(always)]
@@ -113,13 +110,13 @@ fn gather(nodes: &[Node], of: &[[u32; LANES]; 8]) -> ([[Lanes; 8]; 3], [Lanes; 8
     let mut axes = [[Lanes::ZERO; 8]; 3];
     let mut inverse_masses = [Lanes::ZERO; 8];
     for corner in 0..8 {
-        for lane in 0..LANES {
-            let node = &nodes[of[corner][lane] as usize];
-            axes[0][corner].0[lane] = node[0];
-            axes[1][corner].0[lane] = node[1];
-            axes[2][corner].0[lane] = node[2];
-            inverse_masses[corner].0[lane] = node[3];
-        }
+        let [a, b, c, d, e, f, g, h] = of[corner];
+        let (a, b, c, d) = (nodes[a as usize], nodes[b as usize], nodes[c as usize], nodes[d as usize]);
+        let (e, f, g, h) = (nodes[e as usize], nodes[f as usize], nodes[g as usize], nodes[h as usize]);
+        axes[0][corner] = Lanes([a[0], b[0], c[0], d[0], e[0], f[0], g[0], h[0]]);
+        axes[1][corner] = Lanes([a[1], b[1], c[1], d[1], e[1], f[1], g[1], h[1]]);
+        axes[2][corner] = Lanes([a[2], b[2], c[2], d[2], e[2], f[2], g[2], h[2]]);
+        inverse_masses[corner] = Lanes([a[3], b[3], c[3], d[3], e[3], f[3], g[3], h[3]]);
     }
     (axes, inverse_masses)
 }
@@ -158,24 +155,26 @@ fn turn_towards(turn: [Lanes; 4], f: &[Lanes3; 3]) -> [Lanes; 4] {
     ];
     let square = made[0] * made[0] + made[1] * made[1] + made[2] * made[2] + made[3] * made[3];
     let by = Lanes::splat(1.0) / square.sqrt();
-    made.map(|part| part * by)
+    [made[0] * by, made[1] * by, made[2] * by, made[3] * by]
 }
 
 /// Gives corners their share of a correction of the patterns.
 #[inline(always)]
 fn scatter(nodes: &mut [Node], targets: &[[u32; LANES]; 8], by: &[Lanes3; PATTERNS], inverse_masses: &[Lanes; 8]) {
-    let x = corners(by.map(|p| p.x));
-    let y = corners(by.map(|p| p.y));
-    let z = corners(by.map(|p| p.z));
+    // Spelled out: the compiler does not take the array's own `map` into functions for a certain processor.
+    let [a, b, c, d, e, f, g] = *by;
+    let x = corners([a.x, b.x, c.x, d.x, e.x, f.x, g.x]);
+    let y = corners([a.y, b.y, c.y, d.y, e.y, f.y, g.y]);
+    let z = corners([a.z, b.z, c.z, d.z, e.z, f.z, g.z]);
     let eighth = Lanes::splat(0.125);
     for corner in 0..8 {
         let mass = inverse_masses[corner] * eighth;
         let (x, y, z) = (x[corner] * mass, y[corner] * mass, z[corner] * mass);
         for lane in 0..LANES {
             let node = &mut nodes[targets[corner][lane] as usize];
-            node[0] += x.0[lane];
-            node[1] += y.0[lane];
-            node[2] += z.0[lane];
+            // Whole, so that it is one addition.
+            let [a, b, c, d] = *node;
+            *node = [a + x.0[lane], b + y.0[lane], c + z.0[lane], d + 0.0];
         }
     }
 }
