@@ -23,11 +23,11 @@ const ACTS: [Act; 6] = [
     act((170, 225), Instrument::Coagulation(45.0), (-0.46, 0.04), (-0.14, -0.24)),
     act((226, 280), Instrument::Coagulation(45.0), (-0.14, -0.24), (-0.46, 0.04)),
     act((300, 400), Instrument::Probe, (0.16, -0.02), (0.16, -0.02)),
-    act((540, 645), Instrument::Grasper, (-0.3, -0.42), (-0.3, -0.42)),
+    act((540, 645), Instrument::Grasper, (0.40, -0.36), (0.40, -0.36)),
 ];
 
 /// Steps between which the grasper rises, and how far, metres.
-const LIFT: (f32, f32, f32) = (550.0, 600.0, 0.03);
+const LIFT: (f32, f32, f32) = (550.0, 600.0, 0.02);
 
 /// Ten thrusts of the needle, one every six steps.
 const PUNCTURES: (u32, u32) = (440, 6);

@@ -34,7 +34,7 @@ pub struct Held {
     pub ray: Option<Ray3d>,
     /// Whether it is at work.
     pub is_on: bool,
-    /// How far the grasper is lifted, towards the camera's upper side, metres.
+    /// How far the grasper is lifted, metres.
     pub lift_m: f32,
     was_on: bool,
     contact: Option<OrganHit>,
@@ -70,7 +70,7 @@ const SHAFT_RADIUS_M: f32 = 0.0022;
 const SHAFT_LENGTH_M: f32 = 0.2;
 const DENT_DEPTH_M: f32 = 0.007;
 /// The grasper's jaws: what they hold, and how hard.
-const JAWS_RADIUS_M: f32 = 0.007;
+const JAWS_RADIUS_M: f32 = 0.01;
 const GRIP_N: f32 = 12.0;
 
 pub fn build(app: &mut App) {
@@ -78,7 +78,7 @@ pub fn build(app: &mut App) {
         .add_systems(Startup, spawn_shaft)
         .add_systems(PreUpdate, soften)
         .add_systems(FixedUpdate, (touch, press).chain().in_set(SurgerySystems::Touch))
-        .add_systems(Update, place_shaft);
+        .add_systems(Update, (place_shaft, tell));
     let is_played = app.world().resource::<Stage>().viewer == Viewer::Person
         && app.world().resource::<Args>().script == Script::None;
     if is_played {
@@ -146,6 +146,7 @@ fn soften(
     mut commands: Commands,
     args: Res<Args>,
     models: Res<Assets<OrganModel>>,
+    gravity: Res<SurgeryGravity>,
     patients: Query<(Entity, &Organ, &OrganShape), (With<Patient>, Without<ElasticBody>)>,
 ) -> Result {
     for (entity, organ, shape) in &patients {
@@ -159,13 +160,15 @@ fn soften(
         let mut lattice = DeformLattice::around_organ(model, 3, 0.02)?;
         // Finer where it is seen and worked on: its surface towards the camera.
         let is_worked_on = |n: usize| surface.normals[n].dot(Vec3::new(0.0, 0.45, 0.9)) > 0.3;
-        lattice.refine_where(5, |low, high| {
+        lattice.refine_where(4, |low, high| {
             let is_in = |position_m: &Vec3| position_m.cmpge(low).all() && position_m.cmple(high).all();
             surface.positions_m.iter().enumerate().any(|(n, position_m)| is_in(position_m) && is_worked_on(n))
         })?;
         let (low, high) = model.mesh.bounds_m();
         let mut body = ElasticBody::of_organ(&lattice, model, tissue)?
-            .pinned_where(|rest_m| rest_m.z < low.z + 0.45 * (high.z - low.z));
+            .pinned_where(|rest_m| rest_m.z < low.z + 0.35 * (high.z - low.z));
+        // As it lies there it hangs in its ligaments already.
+        body.rests_under_m_per_s2 = gravity.world_m_per_s2;
         // Only volumes have to be told where matter comes from.
         body.publishes = false;
         commands.entity(entity).insert((lattice, body));
@@ -200,7 +203,7 @@ fn press(
             let Some(eye) = scopes.iter().next() else { return };
             let plane = InfinitePlane3d::new(*eye.back());
             let along = ray.intersect_plane(at, plane).map(|distance| ray.get_point(distance));
-            let position_world_m = along.unwrap_or(at) + eye.up() * held.lift_m;
+            let position_world_m = along.unwrap_or(at) + Vec3::Y * held.lift_m;
             let rotation_world = Quat::IDENTITY;
             let (radius_m, grip_force_n, friction) = (JAWS_RADIUS_M, GRIP_N, 0.8);
             let tool = 1;
@@ -238,6 +241,16 @@ fn spawn_shaft(
     ));
     let lamp = PointLight { intensity: 1500.0, range: 2.0, ..default() };
     commands.spawn((lamp, Transform::from_xyz(-0.05, 0.2, 0.25), RenderLayers::layer(1)));
+}
+
+/// Says when the grasper has lost what it held.
+fn tell(mut slipped: MessageReader<GraspSlipped>, mut torn: MessageReader<TissueTorn>) {
+    for slip in slipped.read() {
+        info!("the organ slipped out of the jaws at a pull of {:.1} N", slip.pull_n);
+    }
+    for tear in torn.read() {
+        info!("the organ tore between the jaws at a pull of {:.1} N, stretched by {:.2}", tear.pull_n, tear.stretch);
+    }
 }
 
 /// Holds the rod by its tip.

@@ -76,7 +76,14 @@ impl ElasticBody {
             };
             let count = SAMPLES * SAMPLES * SAMPLES;
             let inside = (0..count).filter(|&n| !is_closed || is_inside(sample(n))).count();
-            ElasticCell { tissue, fill: inside as f32 / count as f32 }
+            let fill = inside as f32 / count as f32;
+            let mut own = tissue;
+            if fill < 1.0 {
+                // The capsule lies in this cell, and what it adds is spread over the tissue in it.
+                let sides = (0..3).map(|axis| body_from_box.matrix3.col(axis).length()).product::<f32>().cbrt();
+                own.youngs_modulus_pa += tissue.capsule_n_per_m / (sides * patch.side() as f32 * fill.max(0.2));
+            }
+            ElasticCell { tissue: own, fill }
         })?;
         body.set_surface(&model.mesh.positions_m, &model.mesh.triangles);
         Ok(body)

@@ -11,6 +11,7 @@ const PLAIN: ElasticTissue = ElasticTissue {
     density_kg_per_m3: 1000.0,
     damping_s: 0.05,
     tears_at_stretch: 10.0,
+    capsule_n_per_m: 0.0,
 };
 
 #[test]
@@ -214,4 +215,16 @@ fn even_deformations_are_published_exactly_and_others_ever_closer() {
         places.iter().map(|&rest_m| back(&lattice, &body, rest_m)).sum::<f32>() / places.len() as f32
     });
     assert!(errors[0] < 1e-3 && errors[1] < errors[0] / 2.0 && errors[2] < errors[1] / 3.0, "{errors:?}");
+}
+
+#[test]
+fn a_body_rests_under_the_gravity_that_it_was_scanned_under() {
+    let (_, body) = block(Vec3::splat(0.1), 2, ElasticTissue::LIVER);
+    let mut body = body.pinned_where(|rest_m| rest_m.x < 0.001);
+    body.rests_under_m_per_s2 = DOWN;
+    run(&mut body, 40, DOWN);
+    assert!(body.is_asleep() && body.displacement_m(4) == Vec3::ZERO);
+    // Turned over, it hangs twice as far the other way.
+    run(&mut body, 200, -DOWN);
+    assert!(body.displacement_m(4).y > 0.005, "{}", body.displacement_m(4));
 }

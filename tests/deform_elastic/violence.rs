@@ -99,6 +99,7 @@ fn odd_numbers_change_nothing() {
         density_kg_per_m3: -1.0,
         damping_s: f32::INFINITY,
         tears_at_stretch: f32::NAN,
+        capsule_n_per_m: f32::NAN,
     };
     let (_, mut body) = block(Vec3::splat(0.1), 1, odd);
     run(&mut body, 10, DOWN);

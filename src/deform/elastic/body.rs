@@ -37,6 +37,10 @@ pub struct ElasticBody {
     pub substeps: u32,
     /// How fast motion dies down by itself, per second: what lies around an organ takes part in that. 1 by default.
     pub drag_per_s: f32,
+    /// Gravity under which the body rests as it was made, body space, metres per second squared: a scanned organ lay in a
+    /// patient, and its own weight does not make it sag once more. Only what differs from it moves the body, which is right to first order as
+    /// long as it is held by its pins. Zero by default.
+    pub rests_under_m_per_s2: Vec3,
     /// Whether the lattice follows. Needed by volumes; organs ride without it.
     pub publishes: bool,
     pub(super) tree: Tree,
@@ -101,6 +105,7 @@ impl ElasticBody {
         Ok(Self {
             substeps: 16,
             drag_per_s: 1.0,
+            rests_under_m_per_s2: Vec3::ZERO,
             publishes: true,
             tree,
             body_from_box,
@@ -273,9 +278,10 @@ impl ElasticBody {
     /// A step of the given length under gravity (body space), with what instruments do in it.
     pub fn step(&mut self, dt_s: f64, gravity_m_per_s2: Vec3, presses: &[Press], holds: &[Hold]) -> Vec<BodyEvent> {
         let axes_from_body = self.body_from_axes.transpose();
-        let gravity = if gravity_m_per_s2.is_finite() { axes_from_body * gravity_m_per_s2 } else { self.last_gravity };
+        let net = gravity_m_per_s2 - self.rests_under_m_per_s2;
+        let gravity = if net.is_finite() { axes_from_body * net } else { self.last_gravity };
         let is_left_alone = presses.is_empty() && holds.is_empty() && gravity == self.last_gravity;
-        self.faults.odd_inputs += u64::from(!gravity_m_per_s2.is_finite());
+        self.faults.odd_inputs += u64::from(!net.is_finite());
         if !(dt_s.is_finite() && dt_s > 0.0) || (is_left_alone && self.is_asleep()) {
             self.touching.forget_tools();
             self.has_moved = false;

@@ -17,6 +17,9 @@ pub struct ElasticTissue {
     pub damping_s: f32,
     /// Stretch at which it tears: 1.4 is 40% longer.
     pub tears_at_stretch: f32,
+    /// What the thin, tough skin of an organ adds where its surface is ([`ElasticBody::of_organ`](super::ElasticBody::of_organ)): its
+    /// Young's modulus times its thickness, newtons per metre. It spreads a dent.
+    pub capsule_n_per_m: f32,
 }
 
 impl Default for ElasticTissue {
@@ -26,24 +29,27 @@ impl Default for ElasticTissue {
 }
 
 impl ElasticTissue {
-    /// A healthy liver.
+    /// A healthy liver in Glisson's capsule (some 2 MPa and 0.1 mm).
     pub const LIVER: Self = Self {
         youngs_modulus_pa: 5e3,
         poisson_ratio: 0.45,
         density_kg_per_m3: 1060.0,
         damping_s: 0.03,
         tears_at_stretch: 1.5,
+        capsule_n_per_m: 200.0,
     };
     /// A gallbladder with its bile, taken as one.
     pub const GALLBLADDER: Self = Self { youngs_modulus_pa: 1e4, tears_at_stretch: 1.8, ..Self::LIVER };
     /// A kidney.
     pub const KIDNEY: Self = Self { youngs_modulus_pa: 1.2e4, ..Self::LIVER };
     /// Brain and nerves.
-    pub const BRAIN: Self = Self { youngs_modulus_pa: 2e3, density_kg_per_m3: 1040.0, ..Self::LIVER };
+    pub const BRAIN: Self =
+        Self { youngs_modulus_pa: 2e3, density_kg_per_m3: 1040.0, capsule_n_per_m: 0.0, ..Self::LIVER };
     /// Muscle at rest.
     pub const MUSCLE: Self = Self { youngs_modulus_pa: 1.5e4, tears_at_stretch: 1.6, ..Self::LIVER };
     /// Fat under the skin.
-    pub const FAT: Self = Self { youngs_modulus_pa: 2e3, density_kg_per_m3: 920.0, ..Self::LIVER };
+    pub const FAT: Self =
+        Self { youngs_modulus_pa: 2e3, density_kg_per_m3: 920.0, capsule_n_per_m: 0.0, ..Self::LIVER };
     /// Skin.
     pub const SKIN: Self =
         Self { youngs_modulus_pa: 1e5, density_kg_per_m3: 1100.0, tears_at_stretch: 1.7, ..Self::LIVER };
@@ -57,6 +63,7 @@ impl ElasticTissue {
         density_kg_per_m3: 1900.0,
         damping_s: 0.001,
         tears_at_stretch: 1.02,
+        capsule_n_per_m: 0.0,
     };
 
     /// Softest and stiffest that is taken as it is, pascal.
@@ -75,6 +82,7 @@ impl ElasticTissue {
             poisson_ratio: bounded(self.poisson_ratio, 0.0, 0.4999, usual.poisson_ratio),
             density_kg_per_m3: bounded(self.density_kg_per_m3, 0.1, 1e5, usual.density_kg_per_m3),
             damping_s: bounded(self.damping_s, 0.0, 10.0, usual.damping_s),
+            capsule_n_per_m: bounded(self.capsule_n_per_m, 0.0, 1e9, 0.0),
             tears_at_stretch: bounded(self.tears_at_stretch, 1.0, 1e6, usual.tears_at_stretch),
         }
     }
