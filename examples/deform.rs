@@ -5,6 +5,8 @@
 //! those between the vertices, the field's own. Space lets it swim, M goes from rays to slices, R puts everything back; right
 //! button and wheel turn the view, Escape ends. `--figure 7` draws figure 7 of the paper of 2001.
 
+#![allow(clippy::too_many_arguments, clippy::type_complexity)]
+
 mod common;
 #[path = "deform/drag.rs"]
 mod drag;

@@ -281,7 +281,7 @@ fn collect(shares: &mut Vec<(u32, f32)>, solver: &Solver, embedded: &Embedded, w
 /// Moves nodes so that the place that depends on them moves by a vector; returns the impulse times the substep.
 fn shift(shares: &[(u32, f32)], solver: &mut Solver, by: Vec3) -> Vec3 {
     let mobility: f32 = shares.iter().map(|&(node, share)| share * share * solver.mobility(node)).sum();
-    if !(mobility > 0.0) || !by.is_finite() {
+    if mobility.is_nan() || mobility <= 0.0 || !by.is_finite() {
         return Vec3::ZERO;
     }
     let impulse = by / mobility;

@@ -225,12 +225,12 @@ pub(super) fn relax(cells: &mut Cells, nodes: &mut [Node]) {
         lack[n] = Lanes3::ZERO - p[n];
     }
     let mut by = [Lanes3::ZERO; PATTERNS];
-    for row in 0..PATTERNS {
+    for (row, by) in by.iter_mut().enumerate() {
         let mut sum = lack[0] * cells.response[entry(row, 0)];
-        for column in 1..PATTERNS {
-            sum = sum + lack[column] * cells.response[entry(row, column)];
+        for (column, lack) in lack.iter().enumerate().skip(1) {
+            sum = sum + *lack * cells.response[entry(row, column)];
         }
-        by[row] = sum;
+        *by = sum;
     }
 
     // The gradient after that, and its volume.

@@ -54,11 +54,7 @@ macro_rules! operator {
 
             #[inline(always)]
             fn $name(self, other: Self) -> Self {
-                let mut made = self;
-                for (a, b) in made.0.iter_mut().zip(other.0) {
-                    *a = *a $sign b;
-                }
-                made
+                Self(std::array::from_fn(|lane| self.0[lane] $sign other.0[lane]))
             }
         })*
     };
