@@ -2,7 +2,7 @@
 //! that ships with the crate, or a scan with `--volume`.
 //!
 //! Drag the matter with the left button: where you drag, the lattice gets finer. 1, 2 and 3 choose the normals: those of each patch,
-//! those between the vertices, the field's own. Space lets it swim, M goes from rays to slices, R puts everything back; right
+//! those between the vertices, the field's own. Space lets it swim, M goes through the ways of rendering, R puts everything back; right
 //! button and wheel turn the view, Escape ends. `--figure 7` draws figure 7 of the paper of 2001.
 
 #![allow(clippy::too_many_arguments, clippy::type_complexity)]

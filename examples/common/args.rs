@@ -66,7 +66,7 @@ pub struct Args {
     /// An organ of your own: OBJ, STL, PLY, glTF or GLB; closed and without handles.
     #[arg(long, value_name = "PATH")]
     pub mesh: Option<PathBuf>,
-    /// A volume of your own for the example mastoid: NRRD, NIfTI, MetaImage or DICOM, or a folder of DICOM, PNG or JPEG
+    /// A volume of your own for the examples mastoid and deform: NRRD, NIfTI, MetaImage or DICOM, or a folder of DICOM, PNG or JPEG
     /// slices.
     #[arg(long, value_name = "PATH")]
     pub volume: Option<PathBuf>,
@@ -86,11 +86,11 @@ pub struct Args {
     #[arg(long)]
     #[allow(dead_code, reason = "not every example has a microscope")]
     pub monitor: bool,
-    /// Draw a figure of the paper of 2009 with the example mastoid instead of frames: 4, where fluid can be; 5, the meniscus; 7, the
-    /// four ways of shading.
+    /// Draw a figure instead of frames. With the example mastoid, of the paper of 2009: 4, where fluid can be; 5, the meniscus; 7, the
+    /// four ways of shading. With the example deform, of the paper of 2001: 7, the ways of finding normals.
     #[arg(long, value_name = "N", value_parser = parse_figure)]
     pub figure: Option<u32>,
-    /// What the examples liver and mastoid do by themselves.
+    /// What the examples liver, mastoid and deform do by themselves.
     #[arg(long, value_enum, default_value_t = Script::None)]
     pub script: Script,
     /// Width of the reaction map of the example liver in texels, 64 to 8192.

@@ -26,7 +26,7 @@ pub fn swim() -> LatticeAnimation {
 }
 
 pub fn build(app: &mut App) {
-    app.init_resource::<Held>().add_systems(FixedUpdate, drag.in_set(SurgerySystems::Deform));
+    app.init_resource::<Held>().add_systems(FixedUpdate, drag.in_set(SurgerySystems::Deform).before(DeformBodies));
 }
 
 pub fn follow_mouse(
@@ -58,7 +58,8 @@ pub fn follow_keys(
         if keys.just_pressed(KeyCode::KeyM) {
             look.method = match look.method {
                 VolumeMethod::Rays => VolumeMethod::Slices,
-                _ => VolumeMethod::Rays,
+                VolumeMethod::Slices => VolumeMethod::PatchSlices,
+                VolumeMethod::PatchSlices => VolumeMethod::Rays,
             };
         }
         if keys.just_pressed(KeyCode::Space) {
