@@ -27,7 +27,7 @@ const ACTS: [Act; 6] = [
 ];
 
 /// Steps between which the grasper rises, and how far, metres.
-const LIFT: (f32, f32, f32) = (550.0, 600.0, 0.02);
+const LIFT: (f32, f32, f32) = (550.0, 600.0, 0.03);
 
 /// Ten thrusts of the needle, one every six steps.
 const PUNCTURES: (u32, u32) = (440, 6);

@@ -141,13 +141,15 @@ fn touch(
     touches.write(OrganTouch { organ: hit.organ, point: hit.point, instrument: 0, action });
 }
 
+type Stiff = (Entity, &'static Organ, &'static OrganShape);
+
 /// Makes the organ soft when it is there: a body of its own tissue, held by ligaments at its back.
 fn soften(
     mut commands: Commands,
     args: Res<Args>,
     models: Res<Assets<OrganModel>>,
     gravity: Res<SurgeryGravity>,
-    patients: Query<(Entity, &Organ, &OrganShape), (With<Patient>, Without<ElasticBody>)>,
+    patients: Query<Stiff, (With<Patient>, Without<ElasticBody>)>,
 ) -> Result {
     for (entity, organ, shape) in &patients {
         let Some(model) = models.get(&organ.0).filter(|model| shape.is_of(model)) else { continue };

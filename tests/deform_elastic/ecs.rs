@@ -58,7 +58,7 @@ fn a_probe_dents_an_organ_and_is_never_in_it() {
                 let gap_m = picker.nearest(on_axis, 1.0).expect("a surface").distance_m;
                 assert!(gap_m > f64::from(radius_m) - 1e-4, "level {level}, step {step}: {gap_m} m from its axis");
                 let out = picker.cast_ray(on_axis, DVec3::Y, 1.0);
-                assert!(!out.is_some_and(|hit| !hit.is_front), "level {level}, step {step}: the axis is inside");
+                assert!(out.is_none_or(|hit| hit.is_front), "level {level}, step {step}: the axis is inside");
             }
         }
         let contact = deepest.expect("it touches");

@@ -305,7 +305,11 @@ impl ElasticBody {
         let mut events = Vec::new();
         if self.solver.is_sound() {
             let stretch_of = |patch: usize| super::measure::stretch(&self.tree, &self.solver, self.sides_m, patch);
-            let tears_at = |patch: usize| self.cells[patch].0.tears_at_stretch;
+            // A cell that the surface only brushes is as soft as it is empty, and stretches more than the tissue in it.
+            let tears_at = |patch: usize| {
+                let (tissue, fill) = &self.cells[patch];
+                1.0 + (tissue.tears_at_stretch - 1.0) / fill.max(0.1)
+            };
             events = self.touching.end(&self.surface, &self.solver, &self.body_from_axes(), stretch_of, tears_at);
         } else {
             let good = std::mem::take(&mut self.good);

@@ -21,8 +21,8 @@ pub(crate) fn penetration([a, b, c]: [Vec3; 3], (tip, back, radius_m): (Vec3, Ve
     let middle = (a + b + c) / 3.0;
     let reach = (a - middle).length_squared().max((b - middle).length_squared()).max((c - middle).length_squared());
     let far = radius_m + reach.sqrt();
-    let away_squared = (nearest_of_segment(middle, tip, back) - middle).length_squared();
-    if away_squared.is_nan() || away_squared > far * far {
+    let away = nearest_of_segment(middle, tip, back).distance_squared(middle);
+    if away.is_nan() || away > far * far {
         return None;
     }
     let normal = (b - a).cross(c - a).normalize_or_zero();

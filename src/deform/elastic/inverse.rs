@@ -43,7 +43,7 @@ fn newton(tree: &Tree, by: &[DVec3], target: DVec3, guess: DVec3) -> Option<DVec
             return (slope.determinant() > 0.0).then_some(x);
         }
         let determinant = slope.determinant();
-        if determinant.is_nan() || determinant.abs() <= 1e-9 {
+        if determinant.is_nan() || determinant.abs() < 1e-9 {
             return None;
         }
         let step = slope.inverse() * (target - at);
@@ -58,7 +58,7 @@ fn newton(tree: &Tree, by: &[DVec3], target: DVec3, guess: DVec3) -> Option<DVec
                 break;
             }
             share *= 0.5;
-            if share.is_nan() || share <= 1e-3 {
+            if share.is_nan() || share < 1e-3 {
                 return None;
             }
         }

@@ -204,6 +204,7 @@ fn gradient(p: &[Lanes3; PATTERNS], per_half_side: &[Lanes; 3]) -> [Lanes3; 3] {
 
 /// Relaxes eight cells.
 #[inline(always)]
+#[allow(clippy::needless_range_loop, reason = "rows and columns of a matrix")]
 pub(super) fn relax(cells: &mut Cells, nodes: &mut [Node]) {
     let (axes, inverse_masses) = gather(nodes, &cells.corners);
     let p = patterns_of(&axes);

@@ -54,13 +54,17 @@ macro_rules! operator {
 
             #[inline(always)]
             fn $name(self, other: Self) -> Self {
-                Self(std::array::from_fn(|lane| self.0[lane] $sign other.0[lane]))
+                let mut made = self;
+                for (a, b) in made.0.iter_mut().zip(other.0) {
+                    *a $sign b;
+                }
+                made
             }
         })*
     };
 }
 
-operator! { Add add + Sub sub - Mul mul * Div div / }
+operator! { Add add += Sub sub -= Mul mul *= Div div /= }
 
 impl Neg for Lanes {
     type Output = Self;

@@ -348,3 +348,32 @@ fn run(what: Sweep, cells: &mut [Cells], following: &[Following], nodes: &mut [N
     }
     sweep(what, cells, following, nodes);
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn all_processors_leave_the_same_bits() {
+        let tree = Tree::uniform(2).expect("a tree");
+        let cells = vec![(ElasticTissue::LIVER, 1.0); tree.patches().len()];
+        let sides_m = DVec3::new(0.2, 0.15, 0.1);
+        let mut solver = Solver::new(&tree, &cells, sides_m);
+        for node in 0..tree.vertex_count() {
+            let wave = |by: f32| 0.01 * (by * node as f32).sin();
+            solver.place(node, Vec3::new(wave(1.0), wave(2.0), wave(3.0)), Vec3::new(wave(4.0), 0.0, wave(5.0)));
+        }
+        solver.prepare(&tree, &cells, sides_m, 1e-3, 16e-3);
+        let mut plain = solver.clone();
+        for is_backward in [false, true, false] {
+            run(Sweep::Relax { is_backward }, &mut solver.cells, &solver.following, &mut solver.nodes);
+            sweep(Sweep::Relax { is_backward }, &mut plain.cells, &plain.following, &mut plain.nodes);
+        }
+        run(Sweep::Damp, &mut solver.cells, &solver.following, &mut solver.velocities);
+        sweep(Sweep::Damp, &mut plain.cells, &plain.following, &mut plain.velocities);
+        let bits = |nodes: &[Node]| nodes.iter().flatten().map(|part| part.to_bits()).collect::<Vec<u32>>();
+        assert_eq!(bits(&solver.nodes), bits(&plain.nodes));
+        assert_eq!(bits(&solver.velocities), bits(&plain.velocities));
+        assert!(solver.is_sound());
+    }
+}
