@@ -45,6 +45,9 @@ impl VoxelLattice {
 
     /// The same with normals from somewhere else than the field itself; of the same lattice and grid.
     pub fn with_normals(mut self, normals: NormalDeformation, lattice: &DeformLattice, grid: &VolumeGrid) -> Self {
+        if normals == NormalDeformation::Exact {
+            return Self { normals, matrices: Vec::new(), ..self };
+        }
         let turn = voxel_from_box(lattice, grid).matrix3;
         let back = turn.inverse();
         let in_voxels = |slope: DMat3| (turn * slope * back).as_mat3();

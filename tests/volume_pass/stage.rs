@@ -276,7 +276,10 @@ impl Stage {
             look.clip_planes.iter().map(|plane| plane_in_voxels(*plane, &volume_from_voxel)).collect();
         let clip = self.clip_from_view();
         let lattice = world.get::<DeformLattice>(self.volume);
-        let lattice = lattice.map(|lattice| VoxelLattice::new(lattice, volume.grid()));
+        let lattice = lattice.map(|lattice| {
+            let field = VoxelLattice::new(lattice, volume.grid());
+            field.with_normals(look.deformed_normals, lattice, volume.grid())
+        });
         let scene = MarchScene {
             field: &field,
             lattice: lattice.as_ref(),
