@@ -64,7 +64,7 @@ fn setup(mut commands: Commands, args: Res<Args>, stage: Res<Stage>, mut volumes
         camera.insert(orbit);
     }
     let sun = Transform::default().looking_to(Vec3::new(-0.5, -0.6, -1.0), Vec3::Y);
-    commands.spawn((DirectionalLight { illuminance: 9000.0, ..default() }, sun));
+    commands.spawn((DirectionalLight { illuminance: 6000.0, ..default() }, sun));
     Ok(())
 }
 
@@ -74,7 +74,7 @@ fn look_at_volume(
     arrived: Query<(Entity, &CtVolume), (Added<CutVolume>, With<Patient>)>,
     volumes: Res<Assets<Volume>>,
     args: Res<Args>,
-    mut cameras: Query<(&mut Transform, Option<&mut PanOrbitCamera>), With<Camera3d>>,
+    mut cameras: Query<(&mut Transform, &mut Projection, Option<&mut PanOrbitCamera>), With<Camera3d>>,
 ) -> Result {
     for (entity, source) in &arrived {
         let Some(volume) = volumes.get(&source.0) else { continue };
@@ -84,7 +84,10 @@ fn look_at_volume(
             commands.entity(entity).insert(drag::swim());
         }
         let radius_m = volume.grid().half_axes_m().into_iter().sum::<Vec3>().length();
-        for (mut place, orbit) in &mut cameras {
+        for (mut place, mut projection, orbit) in &mut cameras {
+            // Some centimetres are looked at, and Bevy's nearest distance is ten of them.
+            let lens = PerspectiveProjection { near: 0.01 * radius_m, far: 100.0 * radius_m, fov: 0.7, ..default() };
+            *projection = Projection::Perspective(lens);
             *place = Transform::from_translation(Vec3::new(0.45, 0.35, 1.0).normalize() * (2.2 * radius_m))
                 .looking_at(Vec3::ZERO, Vec3::Y);
             if let Some(mut orbit) = orbit {
