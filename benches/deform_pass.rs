@@ -5,7 +5,6 @@
 mod head;
 mod turns;
 
-use bevy::pbr::PbrPlugin;
 use bevy::prelude::*;
 use bevy_surgery::deform::DeformLattice;
 use bevy_surgery::prelude::*;
@@ -32,17 +31,7 @@ struct Bench {
 }
 
 fn bench(scene: Option<Scene>, heads: &[(u32, (Volume, TransferFunction))]) -> Bench {
-    let mut app = TestApp::gpu_with(800, 600, |app| {
-        app.add_plugins(PbrPlugin::default());
-    });
-    let extent = 0.032;
-    let view = Transform::from_translation(head::towards_eye() * (3_f32.sqrt() * extent / 15_f32.to_radians().sin()))
-        .looking_at(Vec3::ZERO, Vec3::Z);
-    let camera = app.spawn_camera(view);
-    let lens = PerspectiveProjection { fov: 20_f32.to_radians(), ..default() };
-    app.world_mut().entity_mut(camera).insert(Projection::Perspective(lens));
-    let lamp = ScopeLight { intensity_cd: 4e5 * extent * extent, ..default() };
-    app.world_mut().entity_mut(camera).insert(lamp);
+    let (mut app, camera) = head::stage(0.032);
     let mut body = None;
     if let Some(scene) = scene {
         let (_, (volume, transfer)) = heads.iter().find(|(side, _)| *side == scene.side).expect("it was loaded");

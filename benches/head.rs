@@ -1,8 +1,10 @@
 //! The scan that volumes are timed with, and where it is seen from.
 
 use bevy::math::DVec3;
+use bevy::pbr::PbrPlugin;
 use bevy::prelude::*;
 use bevy_surgery::prelude::*;
+use bevy_surgery::testing::TestApp;
 use bevy_surgery::volume::load::load_path;
 
 /// The head as the peers have it: `side^3` voxels of 8 bits over 64 mm, as fine at 256^3 as a scan of a temporal bone, with the
@@ -54,6 +56,20 @@ fn real_head(side: u32) -> Option<(Volume, TransferFunction)> {
     let volume = Volume::new(grid, Voxels::U8(voxels), 1.0, 0.0).ok()?;
     let structures = Structures::for_volume(&volume).ok()?;
     Some((volume.with_structures(structures).ok()?, transfer))
+}
+
+/// An app of 800x600 pixels with a camera and a lamp for a volume whose half side is `extent_m`. The camera is the peers': it sees
+/// the whole box, comes from below, and is then zoomed in.
+pub fn stage(extent_m: f32) -> (TestApp, Entity) {
+    let mut app = TestApp::gpu_with(800, 600, |app| {
+        app.add_plugins(PbrPlugin::default());
+    });
+    let eye = towards_eye() * (3_f32.sqrt() * extent_m / 15_f32.to_radians().sin());
+    let camera = app.spawn_camera(Transform::from_translation(eye).looking_at(Vec3::ZERO, Vec3::Z));
+    let lens = PerspectiveProjection { fov: 20_f32.to_radians(), ..default() };
+    let lamp = ScopeLight { intensity_cd: 4e5 * extent_m * extent_m, ..default() };
+    app.world_mut().entity_mut(camera).insert((Projection::Perspective(lens), lamp));
+    (app, camera)
 }
 
 /// Direction in which the eye lies in the beginning.

@@ -7,7 +7,6 @@
 mod head;
 mod turns;
 
-use bevy::pbr::PbrPlugin;
 use bevy::prelude::*;
 use bevy_surgery::prelude::*;
 use bevy_surgery::testing::TestApp;
@@ -50,18 +49,7 @@ struct Bench {
 }
 
 fn bench(scene: Scene, volume: &Volume, transfer: &TransferFunction) -> Bench {
-    let mut app = TestApp::gpu_with(800, 600, |app| {
-        app.add_plugins(PbrPlugin::default());
-    });
-    let extent = volume.grid().half_axes_m()[0].length();
-    // The peers' camera: it sees the whole box, comes from below, and is then zoomed in.
-    let view = Transform::from_translation(head::towards_eye() * (3_f32.sqrt() * extent / 15_f32.to_radians().sin()))
-        .looking_at(Vec3::ZERO, Vec3::Z);
-    let camera = app.spawn_camera(view);
-    let lens = PerspectiveProjection { fov: 20_f32.to_radians(), ..default() };
-    app.world_mut().entity_mut(camera).insert(Projection::Perspective(lens));
-    let lamp = ScopeLight { intensity_cd: 4e5 * extent * extent, ..default() };
-    app.world_mut().entity_mut(camera).insert(lamp);
+    let (mut app, camera) = head::stage(volume.grid().half_axes_m()[0].length());
     let mut body = None;
     if scene != Scene::Empty {
         let mut look = VolumeLook::default();

@@ -4,6 +4,7 @@ use super::{CtVolume, LoadVolume, PrepareCuts, Volume, VolumeLook, VoxelLattice}
 use crate::deform::{DeformLattice, NormalDeformation};
 use crate::organ::Organ;
 use crate::schedule::SurgerySystems;
+use bevy::ecs::change_detection::Tick;
 use bevy::prelude::*;
 use std::sync::Arc;
 use tracing::warn;
@@ -16,6 +17,16 @@ use tracing::warn;
 pub struct DeformedVolume {
     lattice: Arc<VoxelLattice>,
     revision: u64,
+    made_of: Source,
+}
+
+/// What a [`DeformedVolume`] was made of: the volume, and when its lattice and its look changed last. It is looked at in several
+/// schedules, and made anew in the first of them only.
+#[derive(Clone, Copy, Debug, PartialEq)]
+struct Source {
+    volume: AssetId<Volume>,
+    lattice: Tick,
+    look: Tick,
 }
 
 impl DeformedVolume {
@@ -83,8 +94,9 @@ fn follow_lattices(
         commands.entity(entity).try_remove::<DeformedVolume>();
     }
     let are_replaced = volumes.is_changed();
-    for (entity, source, lattice, look, shown) in &mut deformed {
-        if !(lattice.is_changed() || look.is_changed() || are_replaced || shown.is_none()) {
+    for (entity, source, lattice, look, mut shown) in &mut deformed {
+        let made_of = Source { volume: source.0.id(), lattice: lattice.last_changed(), look: look.last_changed() };
+        if !are_replaced && shown.as_ref().is_some_and(|shown| shown.made_of == made_of) {
             continue;
         }
         let Some(volume) = volumes.get(&source.0) else { continue };
@@ -92,11 +104,14 @@ fn follow_lattices(
         if look.deformed_normals != NormalDeformation::Exact {
             now = now.with_normals(look.deformed_normals, &lattice, volume.grid());
         }
-        if shown.as_ref().is_some_and(|shown| *shown.lattice == now) {
+        if let Some(shown) = &mut shown
+            && *shown.lattice == now
+        {
+            shown.bypass_change_detection().made_of = made_of;
             continue;
         }
         revisions.0 += 1;
-        let now = DeformedVolume { lattice: Arc::new(now), revision: revisions.0 };
+        let now = DeformedVolume { lattice: Arc::new(now), revision: revisions.0, made_of };
         match shown {
             Some(mut shown) => *shown = now,
             None => {

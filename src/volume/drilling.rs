@@ -8,7 +8,8 @@ use bevy::prelude::*;
 
 /// A burr that runs against a volume during this step. Written before [`SurgerySystems::Cut`], once per burr and step.
 ///
-/// Of a volume that a lattice deforms, the burr removes the matter that is shown where it is. Burrs and forces count in the volume's own metres: an entity that is scaled shows a larger picture of the same bone.
+/// Of a volume that a lattice deforms, the burr removes the matter that is shown where it is. Burrs and forces count in the
+/// volume's own metres: an entity that is scaled shows a larger picture of the same bone.
 #[derive(Message, Clone, Debug, PartialEq, Reflect)]
 pub struct DrillVolume {
     /// The volume.
@@ -136,10 +137,9 @@ fn drill_volumes(
         };
         let mut burr = stroke.burr;
         let (mut from, mut to) = (pose(stroke.from_world), pose(stroke.to_world));
-        if let Some(deformed) = deformed {
-            let rest = RestPoses::new(deformed.lattice(), volume.grid());
-            let scale = rest.scale_at(to.centre_m);
-            burr.diameter_m *= scale;
+        let rest = deformed.map(|deformed| RestPoses::new(deformed.lattice(), volume.grid()));
+        if let Some(rest) = &rest {
+            burr.diameter_m *= rest.scale_at(to.centre_m);
             (from, to) = (rest.of(from), rest.of(to));
         }
         let stroke_in_volume = BurrStroke { burr, from, to, force_n: stroke.force_n, speed_rpm: stroke.speed_rpm };
@@ -164,9 +164,9 @@ fn drill_volumes(
                 tool: stroke.tool,
                 by_label_mm3: removal.by_label_mm3,
                 total_mm3: removal.total_mm3,
-                centroid_world_m: transform.transform_point(match deformed {
+                centroid_world_m: transform.transform_point(match &rest {
                     None => centroid_m.as_vec3(),
-                    Some(deformed) => RestPoses::new(deformed.lattice(), volume.grid()).shown(centroid_m.as_vec3()),
+                    Some(rest) => rest.shown(centroid_m.as_vec3()),
                 }),
             });
         }

@@ -1,6 +1,6 @@
 //! The way back through a map that is trilinear in each patch, by Newton's method.
 
-use crate::deform::lattice::{Tree, trilinear, trilinear_slopes};
+use crate::deform::lattice::{Tree, map_in};
 use glam::{DMat3, DVec3};
 
 /// How close it must come, in shares of the box: a tenth of a micrometre in an organ.
@@ -14,17 +14,7 @@ const MOST_STEPS: usize = 24;
 pub(crate) fn moved(tree: &Tree, by: &[DVec3], x: DVec3) -> (DVec3, DMat3) {
     let number = tree.patch_at(x);
     let patch = tree.patches()[number];
-    let corners = tree.corners(number).map(|vertex| by[vertex]);
-    let per_side = 1.0 / patch.side();
-    let unclamped = (x - patch.low()) * per_side;
-    let share = unclamped.clamp(DVec3::ZERO, DVec3::ONE);
-    let mut slopes = trilinear_slopes(corners, share);
-    for axis in 0..3 {
-        let is_beyond = x[axis] < 0.0 || x[axis] > 1.0;
-        slopes[axis] = if is_beyond { DVec3::ZERO } else { slopes[axis] * per_side };
-    }
-    let slope = DMat3::from_cols(slopes[0], slopes[1], slopes[2]) + DMat3::IDENTITY;
-    (x + trilinear(corners, share), slope)
+    map_in(tree.corners(number).map(|vertex| by[vertex]), patch.low(), patch.side(), x)
 }
 
 /// The place that the map moves to `target`, looked for from some guesses on. `None` where it is not found, or lies in matter

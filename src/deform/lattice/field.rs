@@ -189,17 +189,21 @@ impl DeformLattice {
     /// Derivative of [`DeformLattice::rest_from_shown`] at a place; column `a` is along axis `a`. At a place between patches it is
     /// that of the one behind it.
     pub fn jacobian_at(&self, place: DVec3) -> DMat3 {
-        let number = self.tree.patch_at(place);
-        let (corners, low, side) = self.patch(number);
-        let unclamped = (place - low) / side;
-        let share = unclamped.clamp(DVec3::ZERO, DVec3::ONE);
-        let mut slopes = trilinear_slopes(corners, share);
-        for axis in 0..3 {
-            // Beyond the box nothing changes any more.
-            slopes[axis] = if place[axis] < 0.0 || place[axis] > 1.0 { DVec3::ZERO } else { slopes[axis] / side };
-        }
-        DMat3::from_cols(slopes[0], slopes[1], slopes[2]) + DMat3::IDENTITY
+        let (corners, low, side) = self.patch(self.tree.patch_at(place));
+        map_in(corners, low, side, place).1
     }
+}
+
+/// Where `place` plus what the corners of a patch say is, and the derivative of that. Beyond the box nothing changes any more.
+#[inline]
+pub(crate) fn map_in(corners: [DVec3; 8], low: DVec3, side: f64, place: DVec3) -> (DVec3, DMat3) {
+    let share = ((place - low) / side).clamp(DVec3::ZERO, DVec3::ONE);
+    let mut slopes = trilinear_slopes(corners, share);
+    for axis in 0..3 {
+        slopes[axis] = if place[axis] < 0.0 || place[axis] > 1.0 { DVec3::ZERO } else { slopes[axis] / side };
+    }
+    let slope = DMat3::from_cols(slopes[0], slopes[1], slopes[2]) + DMat3::IDENTITY;
+    (place + trilinear(corners, share), slope)
 }
 
 /// Between eight corners, x fastest.

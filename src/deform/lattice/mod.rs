@@ -15,7 +15,7 @@ mod inverse;
 mod tree;
 
 pub use field::DeformLattice;
-pub(crate) use field::{trilinear, trilinear_slopes};
+pub(crate) use field::{map_in, trilinear};
 pub use inverse::LatticeInverse;
 pub(crate) use tree::corner;
 pub use tree::{Constraint, Patch, Subdivision, Tree};

@@ -29,6 +29,13 @@ type View = (
     Option<&'static Tonemapping>,
 );
 
+/// A texture that a pass draws into: what it holds stays, unless it is cleared first.
+pub(super) fn attachment(view: &TextureView, clear: Option<LinearRgba>) -> RenderPassColorAttachment<'_> {
+    let load = clear.map_or(LoadOp::Load, |clear| LoadOp::Clear(clear.into()));
+    let ops = Operations { load, store: StoreOp::Store };
+    RenderPassColorAttachment { view, depth_slice: None, resolve_target: None, ops }
+}
+
 struct Drawing<'a> {
     pipelines: &'a VolumePipelines,
     cache: &'a PipelineCache,
@@ -73,18 +80,8 @@ impl Drawing<'_> {
         vertices: Option<&(Buffer, u32)>,
     ) {
         let Some(pipeline) = self.pipelines.get(self.cache, key) else { return };
-        let attachments: Vec<_> = into
-            .iter()
-            .map(|(view, clear)| {
-                let load = if clears { LoadOp::Clear((*clear).into()) } else { LoadOp::Load };
-                Some(RenderPassColorAttachment {
-                    view,
-                    depth_slice: None,
-                    resolve_target: None,
-                    ops: Operations { load, store: StoreOp::Store },
-                })
-            })
-            .collect();
+        let attachments: Vec<_> =
+            into.iter().map(|(view, clear)| Some(attachment(view, clears.then_some(*clear)))).collect();
         let diagnostics = ctx.diagnostic_recorder();
         let diagnostics = diagnostics.as_deref();
         let mut pass = ctx.begin_tracked_render_pass(RenderPassDescriptor {

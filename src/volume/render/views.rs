@@ -213,7 +213,8 @@ pub(super) fn prepare_views(
                 multisampled: msaa.samples() > 1,
                 own_colours: volume.own_colours,
                 deformed: volume.lattice.is_some(),
-                lit: volume.look.wet.is_shaded,
+                // Slices gather gradients in any case: light that goes on or off does not draw them anew.
+                lit: volume.look.wet.is_shaded || volume.look.method == VolumeMethod::Slices,
             };
             let uniform = uniform_of(volume, view, viewport, lights);
             let walk_key = WalkKey {

@@ -6,8 +6,9 @@ use crate::deform::DeformLattice;
 use crate::deform::lattice::Tree;
 use crate::render::Uploads;
 use crate::volume::aligned::{PatchPolygons, ShowingBlocks};
+use crate::volume::lattice::voxel_from_box;
 use crate::volume::{CtVolume, Volume, VolumeGrid, VolumeLook, VolumeMethod};
-use bevy::math::{Affine3A, DAffine3, DVec3};
+use bevy::math::{DAffine3, DVec3};
 use bevy::prelude::*;
 use bevy::render::Extract;
 use bevy::render::render_resource::encase::private::WriteInto;
@@ -64,7 +65,7 @@ pub(in super::super) fn extract_bodies(
             continue;
         }
         let entity = MainEntity::from(entity);
-        let voxel_from_box = voxel_from_box(lattice, grid);
+        let voxel_from_box = lattice.map_or_else(|| voxel_from_grid(grid), |lattice| voxel_from_box(lattice, grid));
         let mut body = before.remove(&entity);
         // A tree is only made anew where the body has none that fits.
         let is_same_tree = |body: &AlignedBody| match lattice {
@@ -112,17 +113,9 @@ pub(in super::super) fn extract_bodies(
     }
 }
 
-/// Leads from shares of a lattice's box to voxel coordinates. Without a lattice the box holds all voxels.
-fn voxel_from_box(lattice: Option<&DeformLattice>, grid: &VolumeGrid) -> DAffine3 {
-    let wide = |affine: Affine3A| DAffine3::from_cols_array(&affine.to_cols_array().map(f64::from));
-    match lattice {
-        Some(lattice) => wide(grid.volume_from_voxel()).inverse() * wide(lattice.body_from_box()),
-        None => DAffine3::from_scale_rotation_translation(
-            grid.size.as_dvec3(),
-            bevy::math::DQuat::IDENTITY,
-            DVec3::splat(-0.5),
-        ),
-    }
+/// Leads from shares of the box to voxel coordinates where there is no lattice: the box then holds all voxels.
+fn voxel_from_grid(grid: &VolumeGrid) -> DAffine3 {
+    DAffine3::from_scale_rotation_translation(grid.size.as_dvec3(), bevy::math::DQuat::IDENTITY, DVec3::splat(-0.5))
 }
 
 /// How far beyond the box matter is shown: as far as translations on its sides reach, in steps.

@@ -1,6 +1,7 @@
 //! Draws aligned slices into the buffers of a volume in a view.
 
 use super::super::gpu::GpuVolume;
+use super::super::pass::attachment;
 use super::bodies::AlignedBody;
 use super::pipelines::{AlignedKey, AlignedPipelines, POLYGONS_AT_ONCE};
 use super::view::AlignedView;
@@ -68,20 +69,8 @@ pub(in super::super) fn draw_stack(ctx: &mut RenderContext, with: StackDrawing) 
         {
             hide(ctx, &with, AlignedKey::Finished, &with.pipelines.gathered, colour, false);
         }
-        let load = if k == 0 { LoadOp::Clear(LinearRgba::NONE.into()) } else { LoadOp::Load };
-        let attachments: Vec<_> = with
-            .into
-            .iter()
-            .flatten()
-            .map(|view| {
-                Some(RenderPassColorAttachment {
-                    view,
-                    depth_slice: None,
-                    resolve_target: None,
-                    ops: Operations { load, store: StoreOp::Store },
-                })
-            })
-            .collect();
+        let clear = (k == 0).then_some(LinearRgba::NONE);
+        let attachments: Vec<_> = with.into.iter().flatten().map(|view| Some(attachment(view, clear))).collect();
         let diagnostics = ctx.diagnostic_recorder();
         let diagnostics = diagnostics.as_deref();
         let mut pass = ctx.begin_tracked_render_pass(RenderPassDescriptor {
