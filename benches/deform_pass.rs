@@ -30,8 +30,10 @@ struct Bench {
     random: Pcg32,
 }
 
-fn bench(scene: Option<Scene>, heads: &[(u32, (Volume, TransferFunction))]) -> Bench {
-    let (mut app, camera) = head::stage(0.032);
+type Heads = [(u32, (Volume, TransferFunction))];
+
+fn bench(scene: Option<Scene>, heads: &Heads, size_px: UVec2) -> Bench {
+    let (mut app, camera) = head::stage(0.032, size_px);
     let mut body = None;
     if let Some(scene) = scene {
         let (_, (volume, transfer)) = heads.iter().find(|(side, _)| *side == scene.side).expect("it was loaded");
@@ -58,8 +60,8 @@ fn bench(scene: Option<Scene>, heads: &[(u32, (Volume, TransferFunction))]) -> B
     Bench { app, volume: body, camera, random: Pcg32::seed_from_u64(2001) }
 }
 
-/// Moves all inner vertices at random, by up to a quarter of a patch's side. A volume without a lattice is turned a little, so that it is
-/// drawn anew as well.
+/// Moves all inner vertices at random, by up to a quarter of a patch's side. Without a lattice the view is turned a little, so that
+/// the volume is drawn anew as well.
 fn frame(bench: &mut Bench) {
     if let Some(volume) = bench.volume {
         if let Some(mut lattice) = bench.app.world_mut().get_mut::<DeformLattice>(volume) {
@@ -71,11 +73,31 @@ fn frame(bench: &mut Bench) {
                 .collect();
             lattice.set_translations(&moved).expect("as many as vertices");
         } else {
-            let mut view = bench.app.world_mut().get_mut::<Transform>(bench.camera).expect("it was spawned");
-            view.rotate_around(Vec3::ZERO, Quat::from_rotation_z(1_f32.to_radians()));
+            turn_view(bench);
         }
     }
     bench.app.idle();
+}
+
+fn turn_view(bench: &mut Bench) {
+    let mut view = bench.app.world_mut().get_mut::<Transform>(bench.camera).expect("it was spawned");
+    view.rotate_around(Vec3::ZERO, Quat::from_rotation_z(1_f32.to_radians()));
+}
+
+/// What a frame takes for a lattice of level 3 that moved, beyond drawing: the difference of two scenes in a picture too small to
+/// count, of which one moves its lattice and one its view.
+fn sending(heads: &Heads) {
+    let scene = Scene { side: 128, level: Some(3), method: VolumeMethod::Rays, is_shaded: true };
+    let mut benches = [true, false].map(|moves| (moves, bench(Some(scene), heads, UVec2::new(8, 6))));
+    let medians = turns::medians_ms(600, &mut benches, |(moves, bench)| {
+        if *moves {
+            frame(bench);
+        } else {
+            turn_view(bench);
+            bench.app.idle();
+        }
+    });
+    println!("moving and sending level 3: {:.3} ms a frame", medians[0] - medians[1]);
 }
 
 fn name_of(scene: &Option<Scene>) -> String {
@@ -100,10 +122,14 @@ fn frames(c: &mut Criterion) {
         }
     }
     scenes.retain(|scene| scene.is_none() || name_of(scene).contains(&wanted));
-    let mut benches: Vec<Bench> = scenes.iter().map(|scene| bench(*scene, &heads)).collect();
+    let mut benches: Vec<Bench> = scenes.iter().map(|scene| bench(*scene, &heads, UVec2::new(800, 600))).collect();
     let medians = turns::medians_ms(15, &mut benches, frame);
     for (scene, median) in scenes.iter().zip(&medians) {
         println!("{}: {median:.2} ms a frame, {:.1} a second", name_of(scene), 1e3 / median);
+    }
+    drop(benches);
+    if "moving and sending".contains(&wanted) {
+        sending(&heads);
     }
     let _ = c;
 }

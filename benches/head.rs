@@ -58,10 +58,10 @@ fn real_head(side: u32) -> Option<(Volume, TransferFunction)> {
     Some((volume.with_structures(structures).ok()?, transfer))
 }
 
-/// An app of 800x600 pixels with a camera and a lamp for a volume whose half side is `extent_m`. The camera is the peers': it sees
+/// An app of some pixels with a camera and a lamp for a volume whose half side is `extent_m`. The camera is the peers': it sees
 /// the whole box, comes from below, and is then zoomed in.
-pub fn stage(extent_m: f32) -> (TestApp, Entity) {
-    let mut app = TestApp::gpu_with(800, 600, |app| {
+pub fn stage(extent_m: f32, size_px: UVec2) -> (TestApp, Entity) {
+    let mut app = TestApp::gpu_with(size_px.x, size_px.y, |app| {
         app.add_plugins(PbrPlugin::default());
     });
     let eye = towards_eye() * (3_f32.sqrt() * extent_m / 15_f32.to_radians().sin());

@@ -49,7 +49,7 @@ struct Bench {
 }
 
 fn bench(scene: Scene, volume: &Volume, transfer: &TransferFunction) -> Bench {
-    let (mut app, camera) = head::stage(volume.grid().half_axes_m()[0].length());
+    let (mut app, camera) = head::stage(volume.grid().half_axes_m()[0].length(), UVec2::new(800, 600));
     let mut body = None;
     if scene != Scene::Empty {
         let mut look = VolumeLook::default();

@@ -2,7 +2,8 @@
 //
 // One loop, and in each round one look at the blocks, one jump and two samples: pixels next to each other run in lockstep, and
 // with loops inside the loop each waits where the others still jump or sample, which took half as long again. Rays begin where
-// `start.wgsl` says that something may show.
+// `start.wgsl` says that something may show; those through what is deformed jump more often, so they have a loop before that
+// only jumps.
 
 #import bevy_surgery::volume::{NOTHING, covering_triangle, normal_of, ray_through, relative_depth, volume}
 #import bevy_surgery::volume_field::{gradient_at, place_of, sample_at, scene_depth_m}
@@ -94,6 +95,18 @@ fn fragment(@builtin(position) at: vec4<f32>) -> Buffers {
     let step_node = node_place_of(ray.origin + along * volume.step_m) - first_node;
     var before = vec3(0.0);
     var is_next = false;
+#endif
+#ifdef DEFORMED
+    // First to where something may show: rounds without samples cost half as much.
+    loop {
+        let translation = textureSampleLevel(nodes, linear_sampler, first_node + step_node * k, 0.0).xyz;
+        let look = look_at((first_place + step_place * k + translation) * per_block, pace, 0.0);
+        let is_over = !look.is_empty || k > end;
+        k += select(max(ceil(look.steps), 1.0), 0.0, is_over);
+        continuing {
+            break if is_over;
+        }
+    }
 #endif
     loop {
 #ifdef DEFORMED

@@ -14,7 +14,7 @@ pub use distances::BlockDistances;
 pub use ranges::BlockRanges;
 
 use super::VoxelBox;
-use glam::{IVec3, UVec3, Vec3};
+use glam::UVec3;
 
 /// Voxels along the side of a block.
 pub const BLOCK_SIDE: u32 = 4;
@@ -24,13 +24,6 @@ pub const MAX_BLOCK_DISTANCE: u8 = 15;
 /// Blocks along each axis of a grid with a number of voxels along each axis.
 pub fn blocks_of(size: UVec3) -> UVec3 {
     (size + (BLOCK_SIDE - 1)) / BLOCK_SIDE
-}
-
-/// Block of a sample by its voxel coordinates; samples outside the grid belong to the nearest block.
-pub fn block_at(sample_voxel: Vec3, blocks: UVec3) -> UVec3 {
-    // Cutting digits off rounds up below 0 only, where the first block is meant anyway.
-    let block = ((sample_voxel + 0.5) / BLOCK_SIDE as f32).as_ivec3();
-    block.clamp(IVec3::ZERO, blocks.as_ivec3() - 1).as_uvec3()
 }
 
 /// The voxels that samples in some blocks are interpolated from.

@@ -29,13 +29,6 @@ fn blocks_and_their_voxels_belong_to_each_other() {
     assert!(touched_by(outside, size).is_empty());
 }
 
-#[test]
-fn samples_have_the_block_of_their_nearest_voxels() {
-    let blocks = UVec3::new(3, 2, 2);
-    assert_eq!(block_at(Vec3::new(3.49, 3.51, -0.5), blocks), UVec3::new(0, 1, 0));
-    assert_eq!(block_at(Vec3::new(99.0, -7.0, 7.4), blocks), UVec3::new(2, 0, 1));
-}
-
 fn volume(size: UVec3, voxels: Voxels, slope: f64) -> Volume {
     Volume::new(VolumeGrid::upright(size, DVec3::ONE), voxels, slope, 3.0).expect("a good volume")
 }

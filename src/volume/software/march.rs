@@ -2,7 +2,7 @@
 
 use super::{ENOUGH_OPACITY, RenderField, ViewRays, VoxelRay};
 use crate::volume::VoxelLattice;
-use crate::volume::blocks::{BLOCK_SIDE, BlockDistances, block_at};
+use crate::volume::blocks::{BLOCK_SIDE, BlockDistances};
 use crate::volume::transfer::TransferTable;
 use bevy::reflect::Reflect;
 use glam::{UVec2, Vec3, Vec4};
@@ -199,10 +199,7 @@ fn march_ray(
         let at = scene.rest_at(ray.at(depth_m));
         if plane > known {
             counts.lookups += 1;
-            let (is_empty, next) = match scene.lattice {
-                None => look_ahead(ray, at, plane, scene),
-                Some(lattice) => look_ahead_deformed(ray, at, plane, scene, lattice),
-            };
+            let (is_empty, next) = look_ahead(ray, at, plane, scene);
             if is_empty {
                 counts.skips += 1;
                 plane = next;
@@ -226,31 +223,9 @@ fn march_ray(
     pixel
 }
 
-/// Whether the block of a place shows nothing, and the next plane that needs another look: the first one behind the empty blocks
-/// around it, or behind the block itself.
+/// Whether the block of matter that rests at a place shows nothing, and the next plane that needs another look: the first one at
+/// which matter beyond the empty blocks around it may be shown, or beyond the block itself.
 fn look_ahead(ray: VoxelRay, at: Vec3, plane: i32, scene: &MarchScene) -> (bool, i32) {
-    let Some(distances) = scene.distances else { return (false, i32::MAX) };
-    let block = block_at(at, distances.blocks());
-    let distance = distances.distance(block);
-    let reach = f32::from(distance.saturating_sub(1));
-    let side = BLOCK_SIDE as f32;
-    let low = (block.as_vec3() - reach) * side - 0.5;
-    let high = (block.as_vec3() + reach + 1.0) * side - 0.5;
-    let mut exit_m = f32::INFINITY;
-    for axis in 0..3 {
-        let along = ray.along[axis];
-        if along != 0.0 {
-            let wall = if along > 0.0 { high[axis] } else { low[axis] };
-            exit_m = exit_m.min((wall - ray.origin[axis]) / along);
-        }
-    }
-    // Rounding may put the exit a little before the place itself. A plane too early only costs another look, and one that is
-    // too late by less than half a voxel still shows nothing, as a block's range has the voxels beside it.
-    (distance > 0, next_plane(exit_m / scene.step_m).max(plane + 1))
-}
-
-/// As [`look_ahead`] where matter moves by at most so fast: the first plane at which matter of another block may be shown.
-fn look_ahead_deformed(ray: VoxelRay, at: Vec3, plane: i32, scene: &MarchScene, lattice: &VoxelLattice) -> (bool, i32) {
     let Some(distances) = scene.distances else { return (false, i32::MAX) };
     let at = (at + 0.5) / BLOCK_SIDE as f32;
     let block = at.floor();
@@ -258,10 +233,13 @@ fn look_ahead_deformed(ray: VoxelRay, at: Vec3, plane: i32, scene: &MarchScene, 
     // Beyond the grid it is as far to what shows something as it is to the grid, or as from the grid's nearest block.
     let distance = f32::from(distances.distance(inside.as_uvec3())).max((block - inside).abs().max_element());
     let reach = (distance - 1.0).max(0.0);
-    let (slow, fast) = lattice.speeds(ray.along * (scene.step_m / BLOCK_SIDE as f32));
+    let step = ray.along * (scene.step_m / BLOCK_SIDE as f32);
+    let (slow, fast) = scene.lattice.map_or((step, step), |lattice| lattice.speeds(step));
     let forth = (block + reach + 1.0 - at) / fast.max(Vec3::splat(1e-9));
     let back = (block - reach - at) / slow.min(Vec3::splat(-1e-9));
     let steps = forth.min(back).min_element();
+    // Rounding may lead to a plane too early, which only costs another look, or to one that is too late by far less than half a
+    // voxel, where still nothing shows, as a block's range has the voxels beside it.
     (distance > 0.0, plane.saturating_add(next_plane(steps).max(1)))
 }
 
