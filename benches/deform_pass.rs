@@ -6,8 +6,10 @@ mod head;
 mod turns;
 
 use bevy::prelude::*;
+use bevy::render::RenderApp;
 use bevy_surgery::deform::DeformLattice;
 use bevy_surgery::prelude::*;
+use bevy_surgery::render::Uploads;
 use bevy_surgery::testing::TestApp;
 use bevy_surgery::volume::transfer::TransferFunction;
 use criterion::{Criterion, criterion_group, criterion_main};
@@ -124,8 +126,9 @@ fn frames(c: &mut Criterion) {
     scenes.retain(|scene| scene.is_none() || name_of(scene).contains(&wanted));
     let mut benches: Vec<Bench> = scenes.iter().map(|scene| bench(*scene, &heads, UVec2::new(800, 600))).collect();
     let medians = turns::medians_ms(15, &mut benches, frame);
-    for (scene, median) in scenes.iter().zip(&medians) {
-        println!("{}: {median:.2} ms a frame, {:.1} a second", name_of(scene), 1e3 / median);
+    for ((scene, bench), median) in scenes.iter().zip(&benches).zip(&medians) {
+        let sent = bench.app.sub_app(RenderApp).world().resource::<Uploads>().bytes() as f64 / 1024.0;
+        println!("{}: {median:.2} ms a frame, {:.1} a second, {sent:.1} KiB sent", name_of(scene), 1e3 / median);
     }
     drop(benches);
     if "moving and sending".contains(&wanted) {

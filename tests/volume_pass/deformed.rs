@@ -79,22 +79,27 @@ fn a_lattice_at_rest_changes_nothing() {
 
 #[test]
 fn only_what_moved_travels_and_is_drawn_anew() {
-    let mut stage = Stage::new(volume_of(UVec3::splat(64), DVec3::splat(0.5), |at| specimen(at * 0.6)), veil());
-    let volume = stage.volume;
-    let lattice = wavy(&stage, 3, 0.01);
-    stage.set(volume, lattice);
-    stage.shot();
-    assert_eq!(stage.redrawn(), [0, 0], "nothing moved");
-    let mut lattice = stage.app.world_mut().get_mut::<DeformLattice>(volume).expect("it was inserted");
-    let moved: Vec<Vec3> = lattice.translations().iter().map(|by| *by * 1.5).collect();
-    lattice.set_translations(&moved).expect("as many as there are");
-    let [walked, _] = stage.redrawn();
-    assert!(walked > 1000);
-    let bytes = stage.uploaded();
-    assert!((5_000..65_536).contains(&bytes), "{bytes} bytes");
-    // A change that changes nothing.
-    stage.app.world_mut().get_mut::<DeformLattice>(volume).expect("it was inserted").set_changed();
-    assert_eq!(stage.redrawn(), [0, 0]);
+    for method in [VolumeMethod::Rays, VolumeMethod::Slices, VolumeMethod::PatchSlices] {
+        let mut stage = Stage::new(volume_of(UVec3::splat(64), DVec3::splat(0.5), |at| specimen(at * 0.6)), veil());
+        stage.look().method = method;
+        let volume = stage.volume;
+        let lattice = wavy(&stage, 3, 0.01);
+        stage.set(volume, lattice);
+        stage.shot();
+        assert_eq!(stage.redrawn(), [0, 0], "{method:?}: nothing moved");
+        let mut lattice = stage.app.world_mut().get_mut::<DeformLattice>(volume).expect("it was inserted");
+        let moved: Vec<Vec3> = lattice.translations().iter().map(|by| *by * 1.5).collect();
+        lattice.set_translations(&moved).expect("as many as there are");
+        let [walked, _] = stage.redrawn();
+        assert!(walked > 1000);
+        let bytes = stage.uploaded();
+        // The lattice's vertices; for slices their corners, for those of patches the numbers of the polygons that show something.
+        let most = if method == VolumeMethod::PatchSlices { 131_072 } else { 65_536 };
+        assert!((5_000..most).contains(&bytes), "{method:?}: {bytes} bytes");
+        // A change that changes nothing.
+        stage.app.world_mut().get_mut::<DeformLattice>(volume).expect("it was inserted").set_changed();
+        assert_eq!(stage.redrawn(), [0, 0], "{method:?}");
+    }
 }
 
 #[test]

@@ -67,7 +67,10 @@ fn an_unchanged_view_costs_nothing() {
         stage.aim(Vec3::new(0.03, 0.02, 0.09), Vec3::ZERO);
         let [walked, shaded] = stage.redrawn();
         assert!(walked > ALL / 8 && walked <= ALL && shaded > ALL / 8, "{walked} {shaded} pixels");
-        assert_eq!(stage.uploaded(), 0, "{method:?}: a moved camera uploads nothing");
+        // Of a moved camera nothing travels for rays; for slices their corners, or the numbers of the polygons that show.
+        let uploaded = stage.uploaded();
+        let expected = if method == VolumeMethod::Rays { 0..1 } else { 500..65_536 };
+        assert!(expected.contains(&uploaded), "{method:?}: {uploaded} bytes");
         assert_is_up_to_date(&mut stage, "moved camera");
     }
 }

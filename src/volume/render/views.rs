@@ -7,7 +7,7 @@ use super::pipelines::{VolumePipelines, WalkVariant};
 use super::scene::SceneChanges;
 use super::uniform::{Rays, VolumeUniform, depth_projection, near_m};
 use crate::organ::render::{OrganPipelineKey, OrganSides};
-use crate::render::{OrganLights, SceneLights, strongest_lights, viewport_of};
+use crate::render::{OrganLights, SceneLights, Uploads, strongest_lights, viewport_of};
 use crate::view::ScopeMaskUniform;
 use crate::volume::{CtVolume, SmoothedNormals, VolumeLook, VolumeMethod};
 use bevy::camera::MainPassResolutionOverride;
@@ -187,11 +187,17 @@ pub(super) fn prepare_views(
     mut pipelines: ResMut<VolumePipelines>,
     mut aligned_pipelines: ResMut<AlignedPipelines>,
     bodies: Res<AlignedBodies>,
+    uploaded: Option<Res<Uploads>>,
     cache: Res<PipelineCache>,
     device: Res<RenderDevice>,
     queue: Res<RenderQueue>,
 ) {
     let mut before = std::mem::take(&mut kept.views);
+    let count = |sent: Option<&Buffer>| {
+        if let (Some(sent), Some(uploaded)) = (sent, &uploaded) {
+            uploaded.add(sent.size());
+        }
+    };
     // What waits for its pipeline enters the scene in the frame in which this is ready, whenever that is.
     let is_waiting = cache.waiting_pipelines().next().is_some();
     let changes = SceneChanges { everywhere: changes.everywhere || is_waiting, ..(*changes).clone() };
@@ -266,11 +272,13 @@ pub(super) fn prepare_views(
             }
             if volume.look.method == VolumeMethod::Slices && !now.walk.is_empty() {
                 now.slices = super::slices::buffer(&device, volume, view, &uniform);
+                count(now.slices.as_ref().map(|(corners, _)| corners));
             }
             if let (Some((_, stack)), Some(body)) = (&mut now.aligned, bodies.get(volume.entity))
                 && !now.walk.is_empty()
             {
                 *stack = AlignedView::new(&device, body, volume, view, &uniform, now.seen);
+                count(stack.as_ref().map(|stack| &stack.polygons));
             }
             kept.views.entry(entity).or_default().insert(volume.entity, now);
         }
