@@ -14,6 +14,7 @@ mod pool_ecs;
 #[allow(dead_code)]
 mod support;
 mod volume_deformed;
+mod volume_elastic;
 
 use bevy::prelude::*;
 use bevy_surgery::prelude::*;

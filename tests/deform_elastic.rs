@@ -2,6 +2,8 @@
 
 #[path = "deform_elastic/ecs.rs"]
 mod ecs;
+#[path = "deform_elastic/layers.rs"]
+mod layers;
 #[path = "deform_elastic/solids.rs"]
 mod solids;
 #[path = "deform_elastic/violence.rs"]

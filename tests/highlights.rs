@@ -1,6 +1,7 @@
 //! The highlight passes against closed forms.
 
 mod beside;
+mod elastic;
 
 use crate::support::{plain_skin, sphere_organ};
 use bevy::asset::RenderAssetUsages;

@@ -45,6 +45,7 @@ mod view_stereo;
 mod volume_deformed;
 mod volume_drill;
 mod volume_ecs;
+mod volume_elastic;
 mod volume_load;
 mod volume_pass;
 mod volume_phantom;

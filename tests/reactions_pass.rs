@@ -1,5 +1,7 @@
 //! The reactions pass against the map on the CPU, and layers of a user's own between the crate's.
 
+mod elastic;
+
 use crate::support::{place_towards, plain_skin, real_mesh, sphere_organ, told};
 use bevy::camera::visibility::RenderLayers;
 use bevy::camera::{OrthographicProjection, RenderTarget, ScalingMode, Viewport};
@@ -100,7 +102,8 @@ fn linear(encoded: f64) -> f64 {
 fn assert_shows_the_map(app: &mut TestApp, organ: Entity, eye: Vec3) {
     let picture = app.capture();
     let model = model_of(app, organ);
-    let picker = bevy_surgery::organ::pick::OrganPicker::build(&model.mesh.triangles, &model.mesh.positions_m);
+    let shape = app.world().get::<OrganShape>(organ).expect("a shape");
+    let picker = bevy_surgery::organ::pick::OrganPicker::build(&model.mesh.triangles, shape.positions_m());
     let map = app.world().get::<ReactionModel>(organ).expect("it reacts");
     let camera = Transform::from_translation(eye).looking_at(Vec3::ZERO, Vec3::Y);
     // What the plain skin alone shows, from a pixel far from all paint.

@@ -1,5 +1,7 @@
 //! The skin pass against closed forms, and beside the rest of a Bevy scene.
 
+mod elastic;
+
 use crate::support::{plain_skin, real_file, sphere_mesh, sphere_organ};
 use bevy::camera::visibility::RenderLayers;
 use bevy::camera::{Exposure, Hdr, RenderTarget, Viewport};

@@ -64,13 +64,14 @@ pub(super) fn build(app: &mut App) {
         .add_systems(PostUpdate, follow_lattices.in_set(FollowLattices));
 }
 
+type Idle = (Added<DeformLattice>, Without<CtVolume>, Without<LoadVolume>, Without<Organ>);
+
 /// Says so where a lattice has nothing to deform: neither a volume, also one that is still on its way, nor an organ.
-fn warn_of_idle_lattices(
-    idle: Query<Entity, (Added<DeformLattice>, Without<CtVolume>, Without<LoadVolume>, Without<Organ>)>,
-) {
-    for entity in &idle {
+fn warn_of_idle_lattices(idle: Query<(Entity, Option<&Name>), Idle>) {
+    for (entity, name) in &idle {
+        let name = name.map_or_else(|| entity.to_string(), |name| format!("\"{name}\" ({entity})"));
         warn!(
-            "{entity} has a DeformLattice and nothing that it could deform; give it a CtVolume, a LoadVolume or an Organ"
+            "{name} has a DeformLattice and nothing that it could deform; give it a CtVolume, a LoadVolume or an Organ"
         );
     }
 }
