@@ -4,6 +4,8 @@
 mod ecs;
 #[path = "deform_elastic/layers.rs"]
 mod layers;
+#[path = "deform_elastic/range.rs"]
+mod range;
 #[path = "deform_elastic/solids.rs"]
 mod solids;
 #[path = "deform_elastic/violence.rs"]

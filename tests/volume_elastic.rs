@@ -160,7 +160,7 @@ fn pressed_scene() -> (TestApp, Entity, Transform) {
 
 /// Presses a ball this deep into the middle of the upper side for some steps; returns the last contact.
 fn press(app: &mut TestApp, body: Entity, at: &Transform, depth_m: f32, steps: u32) -> Option<BodyContact> {
-    let radius_m = 0.008;
+    let radius_m = 0.016;
     let mut last = None;
     for step in 1..=steps {
         let sunk_m = depth_m * (2.0 * step as f32 / steps as f32).min(1.0);

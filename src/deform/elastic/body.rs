@@ -33,7 +33,7 @@ pub struct ElasticCell {
 #[reflect(opaque)]
 #[reflect(Component, Clone, Debug)]
 pub struct ElasticBody {
-    /// Substeps of a step. More make stiff tissue stiffer and waves livelier. 16 by default.
+    /// Substeps of a step. More make stiff tissue stiffer and waves livelier. 12 by default.
     pub substeps: u32,
     /// How fast motion dies down by itself, per second: what lies around an organ takes part in that. 1 by default.
     pub drag_per_s: f32,
@@ -103,7 +103,7 @@ impl ElasticBody {
         let published = vec![Vec3::ZERO; tree.vertex_count()];
         let [x, y, z] = axes.map(|axis| axis.as_vec3());
         Ok(Self {
-            substeps: 16,
+            substeps: 12,
             drag_per_s: 1.0,
             rests_under_m_per_s2: Vec3::ZERO,
             publishes: true,

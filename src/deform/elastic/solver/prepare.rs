@@ -2,7 +2,7 @@
 
 use super::cell::{Cells, PATTERNS, counted, entry, sign};
 use super::lanes::{LANES, Lanes};
-use super::{Following, Solver};
+use super::{Following, SWEEPS, Solver};
 use crate::deform::elastic::tissue::ElasticTissue;
 use crate::deform::lattice::Tree;
 use glam::DVec3;
@@ -183,7 +183,7 @@ impl Solver {
 
         let trace = (0..PATTERNS).map(|n| mobility[n][n]).fold(0.0, f64::max);
         let softness =
-            stiffness.map(|stiffness| (1.0 / (stiffness * substep_s * substep_s)).max(LEAST_SOFTNESS * trace));
+            stiffness.map(|stiffness| (SWEEPS / (stiffness * substep_s * substep_s)).max(LEAST_SOFTNESS * trace));
         let ratio = (0..PATTERNS).map(|n| mobility[n][n] / softness[n]).fold(0.0, f64::max);
         let counts = counted(ratio);
         let mut matrix = mobility.map(|row| row.map(|part| part * counts));
@@ -195,7 +195,7 @@ impl Solver {
         };
         let strained = (0..3).map(|n| viscosity(n) / square(n)).fold(f64::INFINITY, f64::min);
         let straight: f64 = (0..3).map(|n| mobility[n][n] * square(n)).sum();
-        let volume_softness = (1.0 / (lambda * volume_m3 * substep_s * substep_s)).min(1e30);
+        let volume_softness = (SWEEPS / (lambda * volume_m3 * substep_s * substep_s)).min(1e30);
         Matrices {
             response: inverse(matrix),
             half_m,
