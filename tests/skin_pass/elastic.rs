@@ -9,7 +9,7 @@ fn the_pattern_goes_along_with_the_matter() {
     let (mut app, organ) = sphere_app();
     app.insert_resource(GlobalAmbientLight { brightness: 1000.0, ..default() });
     // A pattern that is coarse against pixels, under light from all sides: no shade, only the pattern.
-    let tiles = TileSource::Generated(TileOptions { resolution_px: 64, cells_per_edge: 1.5, ..TileOptions::liver() });
+    let tiles = TileSource::Generated(TileOptions { resolution_px: 64, cells_per_edge: 3.0, ..TileOptions::liver() });
     let plain = plain_skin(ALBEDO);
     app.world_mut().entity_mut(organ).insert(Skin { tiles, ..plain });
     let handle = app.world().get::<Organ>(organ).expect("an organ").0.clone();
