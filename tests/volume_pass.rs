@@ -3,6 +3,7 @@
 mod aligned;
 mod deformed;
 mod faults;
+mod likeness;
 mod methods;
 mod redraw;
 mod scene;
