@@ -2,14 +2,16 @@
 //! that ships with the crate, or a scan with `--volume`.
 //!
 //! Drag the matter with the left button: where you drag, the lattice gets finer. 1, 2 and 3 choose the normals: those of each patch,
-//! those between the vertices, the field's own. Space lets it swim, M goes through the ways of rendering, R puts everything back; right
-//! button and wheel turn the view, Escape ends. `--figure 7` draws figure 7 of the paper of 2001.
+//! those between the vertices, the field's own. L shows the lattice, Space lets it swim, M goes through the ways of rendering, R puts
+//! everything back; right button and wheel turn the view, Escape ends. `--figure 7` draws figure 7 of the paper of 2001.
 
 #![allow(clippy::too_many_arguments, clippy::type_complexity)]
 
 mod common;
 #[path = "deform/drag.rs"]
 mod drag;
+#[path = "deform/edges.rs"]
+mod edges;
 #[path = "deform/figure.rs"]
 mod figure;
 
@@ -38,6 +40,7 @@ fn main() -> ExitCode {
                 return figure::build(app);
             }
             drag::build(app);
+            edges::build(app);
             if viewer == Viewer::Person && args.script == Script::None {
                 app.add_plugins(PanOrbitCameraPlugin).add_systems(Update, (drag::follow_mouse, drag::follow_keys));
             } else {
@@ -63,7 +66,9 @@ fn setup(mut commands: Commands, args: Res<Args>, stage: Res<Stage>, mut volumes
         let orbit = PanOrbitCamera { button_orbit: MouseButton::Right, button_pan: MouseButton::Middle, ..default() };
         camera.insert(orbit);
     }
-    let sun = Transform::default().looking_to(Vec3::new(-0.5, -0.6, -1.0), Vec3::Y);
+    // From the right over the eye's shoulder; figures from the side, as the normals are to be seen.
+    let direction = if args.figure.is_some() { Vec3::new(0.8, -0.6, -0.55) } else { Vec3::new(-0.5, -0.6, -1.0) };
+    let sun = Transform::default().looking_to(direction, Vec3::Y);
     commands.spawn((DirectionalLight { illuminance: 6000.0, ..default() }, sun));
     Ok(())
 }
@@ -84,15 +89,16 @@ fn look_at_volume(
             commands.entity(entity).insert(drag::swim());
         }
         let radius_m = volume.grid().half_axes_m().into_iter().sum::<Vec3>().length();
+        let distance_m = radius_m * if args.figure.is_some() { 1.5 } else { 2.2 };
         for (mut place, mut projection, orbit) in &mut cameras {
             // Some centimetres are looked at, and Bevy's nearest distance is ten of them.
             let lens = PerspectiveProjection { near: 0.01 * radius_m, far: 100.0 * radius_m, fov: 0.7, ..default() };
             *projection = Projection::Perspective(lens);
-            *place = Transform::from_translation(Vec3::new(0.45, 0.35, 1.0).normalize() * (2.2 * radius_m))
+            *place = Transform::from_translation(Vec3::new(0.45, 0.35, 1.0).normalize() * distance_m)
                 .looking_at(Vec3::ZERO, Vec3::Y);
             if let Some(mut orbit) = orbit {
                 (orbit.focus, orbit.target_focus) = (Vec3::ZERO, Vec3::ZERO);
-                (orbit.radius, orbit.target_radius) = (Some(2.2 * radius_m), 2.2 * radius_m);
+                (orbit.radius, orbit.target_radius) = (Some(distance_m), distance_m);
                 (orbit.yaw, orbit.target_yaw) = (Some(0.42), 0.42);
                 (orbit.pitch, orbit.target_pitch) = (Some(0.3), 0.3);
             }

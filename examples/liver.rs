@@ -2,9 +2,9 @@
 //! with the crate. With `--preset` it is another organ; with `--script demo` everything is done with no one there.
 //!
 //! The left button works with the instrument that was chosen: 1 a probe that presses, 2 an electrode that coagulates, 3 one
-//! that cuts, 4 a biopsy needle, 5 a grasper that takes hold where it is pressed, follows the mouse, and lifts with the arrows up and
-//! down. Drag with the right button to turn the view, with the middle one to move it, scroll to
-//! come closer; Escape ends.
+//! that cuts, 4 a biopsy needle, 5 a grasper that takes hold where it is pressed, follows the mouse, and lifts with the wheel or
+//! the arrows up and down. Drag with the right button to turn the view, with the middle one to move it, scroll to come closer;
+//! Escape ends.
 
 mod common;
 #[path = "liver/demo.rs"]

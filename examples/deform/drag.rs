@@ -1,6 +1,7 @@
 //! Swimming, and dragging matter with a mouse or a script.
 
-use crate::Patient;
+use crate::edges::ShowsEdges;
+use crate::{LEVEL, Patient};
 use bevy::prelude::*;
 use bevy::window::PrimaryWindow;
 use bevy_surgery::prelude::*;
@@ -8,6 +9,8 @@ use bevy_surgery::volume::VolumeMethod;
 
 /// Deepest level that dragging makes.
 const DEEPEST: u32 = 4;
+/// How far what is dragged takes its surroundings along, in shares of the box.
+const REACH: f64 = 0.15;
 
 /// Matter that is held.
 #[derive(Resource, Default)]
@@ -16,8 +19,8 @@ pub struct Held {
     pub ray: Option<Ray3d>,
     /// Whether it pulls.
     pub is_on: bool,
-    /// The vertex, where it was taken hold of in the world, and how far from the eye.
-    taken: Option<(usize, Vec3, f32)>,
+    /// Where in the world, and how far from the eye.
+    taken: Option<(Vec3, f32)>,
 }
 
 /// A wave that travels from head to foot and grows on its way, as fish swim.
@@ -42,6 +45,7 @@ pub fn follow_mouse(
 
 pub fn follow_keys(
     keys: Res<ButtonInput<KeyCode>>,
+    mut edges: ResMut<ShowsEdges>,
     mut commands: Commands,
     mut patients: Query<(Entity, &mut VolumeLook, &mut DeformLattice, Has<LatticeAnimation>), With<Patient>>,
 ) {
@@ -62,6 +66,9 @@ pub fn follow_keys(
                 VolumeMethod::PatchSlices => VolumeMethod::Rays,
             };
         }
+        if keys.just_pressed(KeyCode::KeyL) {
+            edges.0 = !edges.0;
+        }
         if keys.just_pressed(KeyCode::Space) {
             if swims {
                 commands.entity(entity).remove::<LatticeAnimation>();
@@ -76,32 +83,42 @@ pub fn follow_keys(
     }
 }
 
-/// A script: it swims, then something of it is drawn to the side, then normals and method change.
+/// Steps of the script: the wave ends, matter is drawn aside, the normals change, all goes back.
+const STILL: u32 = 60;
+const DRAG: (u32, u32) = (70, 130);
+const NORMALS: [(u32, NormalDeformation); 3] =
+    [(140, NormalDeformation::PerPatch), (170, NormalDeformation::Smoothed), (200, NormalDeformation::Exact)];
+const REST: u32 = 230;
+
+/// A script: it swims, something of it is drawn far to the side, each kind of normals is shown, and it goes back.
 pub fn perform(
     mut commands: Commands,
     mut held: ResMut<Held>,
     mut step: Local<u32>,
-    mut patients: Query<(Entity, &mut VolumeLook), (With<Patient>, With<DeformLattice>)>,
+    mut edges: ResMut<ShowsEdges>,
+    mut patients: Query<(Entity, &mut VolumeLook, &mut DeformLattice), With<Patient>>,
     eyes: Query<&GlobalTransform, With<Camera3d>>,
 ) {
-    let (Ok((patient, mut look)), Some(eye)) = (patients.single_mut(), eyes.iter().next()) else { return };
+    let (Ok((patient, mut look, mut lattice)), Some(eye)) = (patients.single_mut(), eyes.iter().next()) else { return };
     let now = *step;
     *step += 1;
-    if now == 60 {
+    if now == STILL || now == REST {
         commands.entity(patient).remove::<LatticeAnimation>();
+        lattice.reset();
     }
-    let share = ((now as f32 - 70.0) / 60.0).clamp(0.0, 1.0);
-    held.is_on = (70..130).contains(&now);
-    let direction = eye.affine().transform_vector3(Vec3::new(0.05 + 0.12 * share, 0.1 * share, -1.0));
+    edges.set_if_neq(ShowsEdges((STILL..NORMALS[0].0).contains(&now)));
+    let (from, to) = DRAG;
+    let share = ((now as f32 - from as f32) / (to - from) as f32).clamp(0.0, 1.0);
+    held.is_on = (from..to).contains(&now);
+    // The lower end of the picture's middle goes to the right and up.
+    let direction = eye.affine().transform_vector3(Vec3::new(0.14 * share - 0.02, 0.04 * share - 0.12, -1.0));
     held.ray = Dir3::new(direction).ok().map(|direction| Ray3d::new(eye.translation(), direction));
-    look.deformed_normals = match now / 30 {
-        5 => NormalDeformation::PerPatch,
-        6 => NormalDeformation::Smoothed,
-        _ => NormalDeformation::Exact,
-    };
+    if let Some((_, normals)) = NORMALS.iter().rev().find(|(from, _)| now >= *from) {
+        look.deformed_normals = *normals;
+    }
 }
 
-/// Takes hold of the vertex next to what is pointed at, in patches that get finer there, and moves its matter along.
+/// Takes hold of what is pointed at, in patches that get finer there, and moves its matter along: less the farther away it is.
 fn drag(
     mut held: ResMut<Held>,
     picking: VolumePicking,
@@ -117,29 +134,39 @@ fn drag(
         return Ok(());
     }
     let box_from_world = lattice.box_from_body() * world_from_volume.affine().inverse();
-    let Some((vertex, was, distance_m)) = held.taken else {
+    let place_of = |at: Vec3| box_from_world.transform_point3(at).as_dvec3();
+    let Some((was, distance_m)) = held.taken else {
         let Some(hit) = picking.cast_ray(ray, 10.0) else { return Ok(()) };
-        let place = box_from_world.transform_point3(hit.position_world_m).as_dvec3();
-        let patch = lattice.tree().patches()[lattice.tree().patch_at(place)];
-        if patch.level < DEEPEST {
-            lattice.subdivide(patch)?;
+        let place = place_of(hit.position_world_m);
+        for _ in LEVEL..DEEPEST {
+            let patch = lattice.tree().patches()[lattice.tree().patch_at(place)];
+            if patch.level < DEEPEST {
+                lattice.subdivide(patch)?;
+            }
         }
-        let tree = lattice.tree();
-        let corners = tree.corners(tree.patch_at(place));
-        let nearest = corners.into_iter().filter(|&vertex| !tree.is_constrained(vertex)).min_by(|&a, &b| {
-            tree.place_of(a).distance_squared(place).total_cmp(&tree.place_of(b).distance_squared(place))
-        });
-        held.taken = nearest.map(|vertex| (vertex, hit.position_world_m, hit.distance_m));
+        held.taken = Some((hit.position_world_m, hit.distance_m));
         return Ok(());
     };
     let now = ray.origin + *ray.direction * distance_m;
+    let (middle, by) = (place_of(now), box_from_world.transform_vector3(now - was));
+    let tree = lattice.tree();
+    // Matter moves against the translations.
+    let moved: Vec<Vec3> = lattice
+        .translations()
+        .iter()
+        .enumerate()
+        .map(|(vertex, old)| {
+            let away = tree.place_of(vertex).distance(middle) / REACH;
+            *old - by * (-0.5 * away * away).exp() as f32
+        })
+        .collect();
     let before = lattice.clone();
-    lattice.drag_vertex(vertex, box_from_world.transform_vector3(now - was))?;
+    lattice.set_translations(&moved)?;
     // No farther than matter can go without folding over itself.
     if lattice.check_folds().is_err() {
         *lattice = before;
         return Ok(());
     }
-    held.taken = Some((vertex, now, distance_m));
+    held.taken = Some((now, distance_m));
     Ok(())
 }

@@ -31,7 +31,10 @@ pub fn sphere(volumes: &mut Assets<Volume>) -> Result<impl Bundle> {
         ((0.34 * SIDE as f32 - at.distance(middle)) / 8.0 + 0.5).clamp(0.0, 1.0) * 255.0
     });
     let volume = Volume::new(grid, Voxels::U8(voxels.map(|value| value.round() as u8).collect()), 1.0, 0.0)?;
-    let look = VolumeLook { wet: WetShading { smoothed: SmoothedNormals::None, shine: 0.0, ..default() }, ..default() };
+    let look = VolumeLook {
+        wet: WetShading { smoothed: SmoothedNormals::None, shine: 0.6, shine_exponent: 24.0, ..default() },
+        ..default()
+    };
     let point = |value, opacity| ControlPoint { value, colour: [224, 196, 160], opacity };
     let transfer = TransferFunction {
         points: vec![point(0.0, 0.0), point(100.0, 0.0), point(156.0, 0.9), point(255.0, 0.9)],

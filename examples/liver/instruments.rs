@@ -2,8 +2,10 @@
 
 use crate::common::{Args, Script, Stage, Viewer};
 use bevy::camera::visibility::RenderLayers;
+use bevy::input::mouse::{AccumulatedMouseScroll, MouseScrollUnit};
 use bevy::prelude::*;
 use bevy::window::PrimaryWindow;
+use bevy_panorbit_camera::PanOrbitCamera;
 use bevy_surgery::prelude::*;
 
 /// The organ that is operated on.
@@ -90,8 +92,9 @@ fn follow_mouse(
     mut held: ResMut<Held>,
     keys: Res<ButtonInput<KeyCode>>,
     buttons: Res<ButtonInput<MouseButton>>,
+    wheel: Res<AccumulatedMouseScroll>,
     windows: Query<&Window, With<PrimaryWindow>>,
-    cameras: Query<(&Camera, &GlobalTransform), With<Endoscope>>,
+    mut cameras: Query<(&Camera, &GlobalTransform, &mut PanOrbitCamera), With<Endoscope>>,
 ) {
     for (key, instrument) in [
         (KeyCode::Digit1, Instrument::Probe),
@@ -105,12 +108,19 @@ fn follow_mouse(
         }
     }
     let cursor = windows.iter().next().and_then(Window::cursor_position);
-    let camera = cameras.iter().next();
-    held.ray = cursor.zip(camera).and_then(|(at, (camera, eye))| camera.viewport_to_world(eye, at).ok());
     held.is_on = buttons.pressed(MouseButton::Left);
-    // With something between the jaws the arrows lift it.
+    let holds = held.is_on && held.instrument == Instrument::Grasper;
+    let Some((camera, eye, mut orbit)) = cameras.iter_mut().next() else { return };
+    held.ray = cursor.and_then(|at| camera.viewport_to_world(eye, at).ok());
+    // The wheel moves the camera, or what is held.
+    orbit.zoom_sensitivity = if holds { 0.0 } else { 1.0 };
+    // With something between the jaws arrows and wheel lift it.
     let arrows = f32::from(keys.pressed(KeyCode::ArrowUp)) - f32::from(keys.pressed(KeyCode::ArrowDown));
-    held.lift_m += 0.0006 * arrows;
+    let turned = match wheel.unit {
+        MouseScrollUnit::Line => wheel.delta.y,
+        MouseScrollUnit::Pixel => wheel.delta.y / MouseScrollUnit::SCROLL_UNIT_CONVERSION_FACTOR,
+    };
+    held.lift_m += 0.0006 * arrows + 0.003 * turned;
 }
 
 /// Finds where the ray meets the organ, and does there what the instrument does.
