@@ -7,11 +7,11 @@
 //! and still hardly gives way. Unlike implicit steps with a global system it needs no solver that has to converge, and contacts take
 //! part as further constraints.
 //!
-//! The cells are relaxed forth and then back, each time with half of their stiffness. A sweep in one direction only is no symmetric
-//! map: it hands motion from cell to cell in its own direction, its eigenvalues are not real, and tissue of which a substep passes
-//! about a cell (some 1e5 to 1e6 Pa) then gains energy from nothing. Forth and back is a map times its own transpose: symmetric, with
-//! eigenvalues from 0 to 1, and what takes its velocities from such a map never gains energy, however stiff, as far as it is linear.
-//! It is also nearer to the true stiffness, so that fewer substeps do.
+//! The cells are relaxed forth and then back in every substep, each time with half of their stiffness. That is a map times its own
+//! transpose: symmetric, with eigenvalues from 0 to 1, and a motion that takes its velocities from such a map never gains energy,
+//! however stiff the cells are, as far as it is linear. Nor does it prefer a side. A sweep whose direction changes from substep to
+//! substep costs half of that and prefers no side either, but its map changes in time, and shakes tissue of which sound passes about a
+//! cell in a substep (some 1e5 to 1e6 Pa) ever harder. Two sweeps are also nearer to the true stiffness, so that fewer substeps do.
 //!
 //! Space: the box's own axes, metres. Nodes hold displacements: a body at rest is all zeros, and stays so bit for bit.
 
