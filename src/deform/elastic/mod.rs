@@ -11,7 +11,8 @@
 //!
 //! The solver is XPBD in small substeps over hexahedral cells: each cell relaxes its even deformation, bending and twisting towards
 //! the nearest rotation (fixed corotated elasticity) by a matrix made beforehand, eight cells at a time, and then its volume; forth
-//! and back over all cells. It is stable for any stiffness, force and length of step, and deterministic; see the source of `solver` for why it was chosen.
+//! and back over all cells. It is stable for any stiffness, force and length of step, and deterministic; see the source of `solver`
+//! for why it was chosen.
 
 mod body;
 mod contact;
