@@ -22,9 +22,10 @@ pub fn build(app: &mut App) {
     app.init_resource::<ShowsEdges>().add_systems(Startup, spawn).add_systems(Update, draw);
 }
 
+/// A line of no length, as meshes without vertices are none.
 fn empty() -> Mesh {
     Mesh::new(PrimitiveTopology::LineList, RenderAssetUsages::default())
-        .with_inserted_attribute(Mesh::ATTRIBUTE_POSITION, Vec::<Vec3>::new())
+        .with_inserted_attribute(Mesh::ATTRIBUTE_POSITION, vec![Vec3::ZERO; 2])
 }
 
 fn spawn(
