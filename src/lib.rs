@@ -37,6 +37,7 @@ pub mod deform;
 pub mod diagnostics;
 mod files;
 pub mod gravity;
+pub mod haptics;
 pub mod highlights;
 pub mod organ;
 pub mod pacing;
