@@ -9,6 +9,7 @@ mod deform_inverse;
 mod deform_lattice;
 mod deform_support;
 mod deform_warp;
+mod haptics_device;
 #[path = "pool_ecs.rs"]
 mod pool_ecs;
 #[allow(dead_code)]

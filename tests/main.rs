@@ -9,6 +9,7 @@ mod deform_lattice;
 mod deform_support;
 mod deform_warp;
 mod documents;
+mod haptics_device;
 mod harness;
 mod highlights;
 mod organ_asset;

@@ -1,9 +1,11 @@
 //! What goes wrong with devices, told to the person who must mend it.
 
+use bevy::reflect::Reflect;
+use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
 /// Why a device does not do what it should.
-#[derive(Clone, Debug, PartialEq, Error)]
+#[derive(Clone, Debug, PartialEq, Error, Reflect, Serialize, Deserialize)]
 pub enum DeviceFault {
     /// The driver's library is not installed, or is not the one that is meant.
     #[error("{library} cannot be used: {reason}. Install the driver of {maker}, or choose another device")]
@@ -11,7 +13,7 @@ pub enum DeviceFault {
         /// Its file name.
         library: String,
         /// Whose driver has it.
-        maker: &'static str,
+        maker: String,
         /// What the system says.
         reason: String,
     },
@@ -19,7 +21,7 @@ pub enum DeviceFault {
     #[error("{service} does not answer at {address}: {reason}")]
     Service {
         /// For people.
-        service: &'static str,
+        service: String,
         /// Where it was looked for.
         address: String,
         /// What happened.
@@ -49,6 +51,14 @@ pub enum DeviceFault {
         /// What happened.
         reason: String,
     },
+    /// It was there and is gone, and its keeper looks for it: go on calling, without force, until it answers again.
+    #[error("{id} is away ({reason}); it is taken up again when it is back")]
+    Away {
+        /// Which device.
+        id: String,
+        /// What happened.
+        reason: String,
+    },
     /// It goes on, but not as well as it should: warm motors, one late frame.
     #[error("{id}: {reason}")]
     Warning {
@@ -62,6 +72,6 @@ pub enum DeviceFault {
 impl DeviceFault {
     /// Whether the device is lost and must be opened again.
     pub fn is_over(&self) -> bool {
-        !matches!(self, Self::Warning { .. } | Self::Uncalibrated { .. })
+        !matches!(self, Self::Warning { .. } | Self::Uncalibrated { .. } | Self::Away { .. })
     }
 }

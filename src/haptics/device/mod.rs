@@ -2,19 +2,36 @@
 //!
 //! A device reports where its handle is and takes a force. Space: device, right-handed and the same for all of them: X to the
 //! right, Y up, Z towards the person, the origin in the middle of the workspace; metres, newtons, seconds.
+//!
+//! A [`DeviceBackend`] finds and opens devices of one make; [`DeviceManager`] keeps all backends, lists what there is and takes
+//! up again what comes back. Drivers and services are slower than the loop at times, so that each real device has a thread of
+//! its own: the loop takes the newest state, leaves a force, and never waits.
 
+mod clock;
 mod fault;
+pub mod hand;
 mod info;
+mod manager;
+mod none;
+pub mod recording;
 mod sample;
+pub mod scripted;
+pub mod simulated;
 
+pub use clock::device_clock_s;
 pub use fault::DeviceFault;
 pub use info::{DeviceInfo, DeviceKind, DeviceLimits};
+pub use manager::{DeviceManager, DeviceNews, ManagedDevice};
+pub use none::{NoBackend, NoDevice};
 pub use sample::{DeviceOutput, DeviceSample};
 
 /// A device that is open. Implement it for one of your own.
 ///
 /// The servo loop calls [`read`](Self::read) and [`write`](Self::write) once a tick, from its own thread; neither may wait longer
 /// than a tick. A device whose driver is slower than that keeps its last state and says when it was taken.
+///
+/// Devices that are models (scripted, replayed, simulated) move on by one tick of their own with each `read`, so that a loop
+/// that is stepped by hand gives the same again. What is dropped leaves no force on the handle.
 pub trait HapticDevice: Send {
     /// What the device is and what it can bear.
     fn info(&self) -> &DeviceInfo;
@@ -28,7 +45,7 @@ pub trait HapticDevice: Send {
     /// Puts a force on the handle until the next call. It has gone through the limits already; a device may limit it further.
     ///
     /// # Errors
-    /// As [`HapticDevice::read`].
+    /// As [`HapticDevice::read`]. After a [`DeviceFault::Warning`] the force was taken all the same.
     fn write(&mut self, output: &DeviceOutput) -> Result<(), DeviceFault>;
 }
 
@@ -43,9 +60,35 @@ pub trait DeviceBackend: Send {
     /// Why nothing can be said: a library or a service that is missing. No device is no error.
     fn list(&mut self) -> Result<Vec<DeviceInfo>, DeviceFault>;
 
-    /// Opens a device that [`list`](Self::list) named.
+    /// Opens a device by its whole id, `haply:A14`, or by the part after the colon.
     ///
     /// # Errors
     /// [`DeviceFault`]
     fn open(&mut self, id: &str) -> Result<Box<dyn HapticDevice>, DeviceFault>;
+}
+
+/// The part of an id after the backend's name.
+pub(crate) fn serial<'a>(id: &'a str, backend: &str) -> &'a str {
+    id.strip_prefix(backend).and_then(|rest| rest.strip_prefix(':')).unwrap_or(id)
+}
+
+/// Makes all data types of the devices known to a world's registry.
+pub fn register_device_types(app: &mut bevy::app::App) {
+    app.register_type::<DeviceFault>()
+        .register_type::<DeviceInfo>()
+        .register_type::<DeviceKind>()
+        .register_type::<DeviceLimits>()
+        .register_type::<DeviceNews>()
+        .register_type::<DeviceOutput>()
+        .register_type::<DeviceSample>()
+        .register_type::<recording::RecordedEvent>()
+        .register_type::<recording::Recording>()
+        .register_type::<recording::RecordingError>()
+        .register_type::<recording::RecordingProgress>()
+        .register_type::<recording::ReplayProgress>()
+        .register_type::<scripted::KeyPose>()
+        .register_type::<scripted::ScriptedPath>()
+        .register_type::<scripted::Tremor>()
+        .register_type::<simulated::SimulatedHand>()
+        .register_type::<simulated::SimulatedTruth>();
 }
