@@ -1,6 +1,8 @@
 //! Devices: models of them, recordings, and the real ones against counterparts that behave as they do.
 
 mod hand;
+mod haply;
+mod haply_service;
 mod manager;
 mod recording;
 mod scripted;

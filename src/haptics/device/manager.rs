@@ -100,6 +100,8 @@ impl DeviceManager {
             Box::new(super::hand::HandBackend::default()),
             Box::new(super::simulated::SimulatedBackend::default()),
             Box::new(super::recording::ReplayBackend),
+            #[cfg(feature = "haply")]
+            Box::new(super::haply::HaplyBackend::default()),
         ]
     }
 

@@ -10,7 +10,11 @@
 mod clock;
 mod fault;
 pub mod hand;
+#[cfg(feature = "haply")]
+pub mod haply;
 mod info;
+#[cfg(any(feature = "haply", feature = "openhaptics", feature = "force_dimension", feature = "spacemouse"))]
+mod link;
 mod manager;
 mod none;
 pub mod recording;
@@ -91,4 +95,6 @@ pub fn register_device_types(app: &mut bevy::app::App) {
         .register_type::<scripted::Tremor>()
         .register_type::<simulated::SimulatedHand>()
         .register_type::<simulated::SimulatedTruth>();
+    #[cfg(feature = "haply")]
+    app.register_type::<haply::HaplyFormat>().register_type::<haply::HaplySettings>();
 }
