@@ -102,6 +102,12 @@ impl DeviceManager {
             Box::new(super::recording::ReplayBackend),
             #[cfg(feature = "haply")]
             Box::new(super::haply::HaplyBackend::default()),
+            #[cfg(feature = "openhaptics")]
+            Box::new(super::openhaptics::OpenHapticsBackend::default()),
+            #[cfg(feature = "force_dimension")]
+            Box::new(super::force_dimension::ForceDimensionBackend::default()),
+            #[cfg(feature = "spacemouse")]
+            Box::new(super::spacemouse::SpaceMouseBackend::default()),
         ]
     }
 

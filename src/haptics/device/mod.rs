@@ -9,6 +9,8 @@
 
 mod clock;
 mod fault;
+#[cfg(feature = "force_dimension")]
+pub mod force_dimension;
 pub mod hand;
 #[cfg(feature = "haply")]
 pub mod haply;
@@ -17,10 +19,14 @@ mod info;
 mod link;
 mod manager;
 mod none;
+#[cfg(feature = "openhaptics")]
+pub mod openhaptics;
 pub mod recording;
 mod sample;
 pub mod scripted;
 pub mod simulated;
+#[cfg(feature = "spacemouse")]
+pub mod spacemouse;
 
 pub use clock::device_clock_s;
 pub use fault::DeviceFault;
@@ -97,4 +103,13 @@ pub fn register_device_types(app: &mut bevy::app::App) {
         .register_type::<simulated::SimulatedTruth>();
     #[cfg(feature = "haply")]
     app.register_type::<haply::HaplyFormat>().register_type::<haply::HaplySettings>();
+    #[cfg(feature = "openhaptics")]
+    app.register_type::<openhaptics::OpenHapticsSettings>();
+    #[cfg(feature = "force_dimension")]
+    app.register_type::<force_dimension::ForceDimensionSettings>();
+    #[cfg(feature = "spacemouse")]
+    app.register_type::<spacemouse::SpaceMouseModel>()
+        .register_type::<spacemouse::SpaceMouseReport>()
+        .register_type::<spacemouse::RateControl>()
+        .register_type::<spacemouse::RateHandle>();
 }
