@@ -1,12 +1,16 @@
 //! Devices: models of them, recordings, and the real ones against counterparts that behave as they do.
 
+mod fake;
+mod force_dimension;
 mod hand;
 mod haply;
 mod haply_service;
 mod manager;
+mod openhaptics;
 mod recording;
 mod scripted;
 mod simulated;
+mod spacemouse;
 
 use std::time::{Duration, Instant};
 
