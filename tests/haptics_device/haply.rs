@@ -287,7 +287,8 @@ fn an_arm_that_is_unplugged_is_gone_and_the_other_goes_on() {
     let service = Service::new(Some("3.5.0"), json!({ "inverse3": arms }));
     let mut backend = backend(&service);
     let (mut a, mut b) = (backend.open("haply:A14").expect("it opens"), backend.open("haply:B77").expect("it opens"));
-    (state(&mut *a), state(&mut *b));
+    state(&mut *a);
+    state(&mut *b);
     service.world().frame = json!({ "inverse3": [arms[1]] });
     let fault = wait_for("the loss", || a.read().err().filter(DeviceFault::is_over));
     assert!(matches!(&fault, DeviceFault::Gone { id, .. } if id == "haply:A14"), "{fault}");

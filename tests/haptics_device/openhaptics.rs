@@ -248,7 +248,8 @@ fn what_is_unplugged_in_the_middle_is_taken_up_again() {
     let manager = DeviceManager::new(backends, Duration::from_millis(10)).expect("a thread");
     let mut device = manager.open("openhaptics:default").expect("it opens");
     let mut other = manager.open("openhaptics:Left Device").expect("it opens");
-    (state(&mut device), state(&mut other));
+    state(&mut device);
+    state(&mut other);
     fake.set(PLUGGED, 2.0);
     wait_for("the loss", || device.read().err().filter(|fault| matches!(fault, DeviceFault::Away { .. })));
     state(&mut other);

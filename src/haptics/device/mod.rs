@@ -16,6 +16,8 @@ pub mod hand;
 pub mod haply;
 mod info;
 #[cfg(any(feature = "haply", feature = "openhaptics", feature = "force_dimension", feature = "spacemouse"))]
+// A device without force leaves half of it unused.
+#[cfg_attr(not(any(feature = "haply", feature = "openhaptics", feature = "force_dimension")), allow(dead_code))]
 mod link;
 mod manager;
 mod none;
