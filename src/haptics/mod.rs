@@ -4,3 +4,9 @@
 //! Nothing here knows the ECS but the plugin's own systems, and nothing needs a thread: the same loop steps by hand.
 
 pub mod device;
+pub mod energy;
+pub mod exchange;
+pub mod force;
+pub mod safety;
+pub mod servo;
+pub mod stats;

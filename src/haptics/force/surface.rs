@@ -1,0 +1,222 @@
+//! A piece of an organ's surface around the tool, that moves from where it was a step ago to where it is now.
+
+use super::SurfaceFeel;
+use super::bvh::BoxTree;
+use super::closest::{of_segment_and_triangle, on_triangle};
+use super::half_space::HalfSpace;
+use super::proxy::Reach;
+use glam::{DVec3, Vec3};
+
+/// Triangles of a surface in the world, at two times. The loop shows it moving from the one to the other, so that what the
+/// simulation moves sixty times a second moves a thousand times. What was published as its end should be the start of the next.
+///
+/// Both sides of it are solid: a proxy stays on the side on which it is. It covers all of the surface within
+/// [`reach_m`](Self::reach_m) of [`centre_m`](Self::centre_m); a proxy that touches it goes no further than that.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct SurfacePatch {
+    from_m: Vec<Vec3>,
+    to_m: Vec<Vec3>,
+    triangles: Vec<[u32; 3]>,
+    tree: BoxTree,
+    is_moving: bool,
+    /// How it feels.
+    pub feel: SurfaceFeel,
+    /// The middle of what it covers, world, metres.
+    pub centre_m: DVec3,
+    /// How far around that it covers the surface, metres.
+    pub reach_m: f64,
+    /// The triangles are those of a closed surface, counterclockwise seen from outside: a tool that begins inside is not held there.
+    pub is_closed: bool,
+}
+
+impl Default for SurfaceFeel {
+    fn default() -> Self {
+        Self::LIVER
+    }
+}
+
+impl SurfacePatch {
+    /// A patch that stands still. Triangles with corners that are not there, or are no numbers, are left out.
+    pub fn new(positions_m: Vec<Vec3>, triangles: Vec<[u32; 3]>, feel: SurfaceFeel) -> Self {
+        Self::moving(positions_m.clone(), positions_m, triangles, feel)
+    }
+
+    /// A patch that moves. It covers all that its triangles reach; set [`reach_m`](Self::reach_m) where they are part of more.
+    pub fn moving(from_m: Vec<Vec3>, mut to_m: Vec<Vec3>, mut triangles: Vec<[u32; 3]>, feel: SurfaceFeel) -> Self {
+        to_m.resize(from_m.len(), Vec3::NAN);
+        let is_place = |&index: &u32| {
+            let ends = [&from_m, &to_m].map(|positions| positions.get(index as usize).copied().unwrap_or(Vec3::NAN));
+            ends.iter().all(|place| place.is_finite())
+        };
+        triangles.retain(|corners| {
+            corners.iter().all(is_place) && {
+                let [a, b, c] = corners.map(|index| from_m[index as usize]);
+                (b - a).cross(c - a).length_squared() > 0.0
+            }
+        });
+        let boxes: Vec<[Vec3; 2]> = triangles
+            .iter()
+            .map(|corners| {
+                let ends = corners.map(|index| [from_m[index as usize], to_m[index as usize]]);
+                let bounds = |[min, max]: [Vec3; 2], place: &Vec3| [min.min(*place), max.max(*place)];
+                ends.as_flattened().iter().fold([Vec3::INFINITY, Vec3::NEG_INFINITY], bounds)
+            })
+            .collect();
+        let is_moving = triangles.iter().flatten().any(|&index| from_m[index as usize] != to_m[index as usize]);
+        let tree = BoxTree::new(&boxes);
+        let feel = feel.sane();
+        let (centre_m, reach_m, is_closed) = (DVec3::ZERO, f64::INFINITY, false);
+        Self { from_m, to_m, triangles, tree, is_moving, feel, centre_m, reach_m, is_closed }
+    }
+
+    /// How many triangles it has.
+    pub fn triangle_count(&self) -> usize {
+        self.triangles.len()
+    }
+
+    /// Corners of a triangle at a share of the way from start to end.
+    pub(super) fn corners(&self, triangle: u32, share: f64) -> Option<[DVec3; 3]> {
+        let corners = self.triangles.get(triangle as usize)?;
+        Some(if self.is_moving {
+            corners.map(|index| {
+                let (from, to) = (self.from_m[index as usize].as_dvec3(), self.to_m[index as usize].as_dvec3());
+                from + (to - from) * share
+            })
+        } else {
+            corners.map(|index| self.to_m[index as usize].as_dvec3())
+        })
+    }
+
+    /// How far the place of a triangle that is nearest to a point moves from one share to another.
+    pub(super) fn motion_of(&self, triangle: u32, point_m: DVec3, shares: [f64; 2]) -> DVec3 {
+        if !self.is_moving {
+            return DVec3::ZERO;
+        }
+        let ends = shares.map(|share| self.corners(triangle, share));
+        let [Some(before), Some(after)] = ends else { return DVec3::ZERO };
+        let [u, v, w] = weights(on_triangle(point_m, before), before);
+        (0..3).map(|corner| (after[corner] - before[corner]) * [u, v, w][corner]).sum()
+    }
+
+    /// Adds the half-spaces that the triangles near a tool leave free.
+    pub(super) fn gather(&self, reach: &Reach, near: &mut Vec<Near>, into: &mut Vec<HalfSpace>) {
+        near.clear();
+        let around = DVec3::splat(reach.radius_m + reach.step_m);
+        let [a, b] = reach.segment_m;
+        // Rounding to single precision must not lose a triangle.
+        let (min, max) = ((a.min(b) - around).as_vec3() - 1e-6, (a.max(b) + around).as_vec3() + 1e-6);
+        let is_ball = a == b;
+        self.tree.visit(min, max, |triangle| {
+            let Some(corners) = self.corners(triangle, reach.share) else { return };
+            let (tool_m, surface_m) =
+                if is_ball { (a, on_triangle(a, corners)) } else { of_segment_and_triangle(reach.segment_m, corners) };
+            let distance_m = tool_m.distance(surface_m);
+            if distance_m <= reach.radius_m + reach.step_m {
+                near.push(Near { distance_m, triangle, corners, tool_m, surface_m });
+            }
+        });
+        near.sort_unstable_by(|a, b| a.distance_m.total_cmp(&b.distance_m).then(a.triangle.cmp(&b.triangle)));
+        let first = into.len();
+        let mut aim_m = reach.goal_m;
+        for found in near.iter() {
+            // What lies behind a half-space that is kept anyway forbids nothing more.
+            let solid = |space: &HalfSpace| {
+                let level = space.offset_m - reach.level_m(space.normal) + KEPT_M;
+                found.corners.iter().all(|corner| space.normal.dot(*corner) <= level)
+            };
+            if into[first..].iter().any(solid) {
+                continue;
+            }
+            let (feel, obstacle, element) = (self.feel, reach.obstacle, found.triangle);
+            let space = |normal: DVec3, surface_m: DVec3| HalfSpace {
+                normal,
+                offset_m: normal.dot(surface_m) + reach.level_m(normal),
+                feel,
+                point_m: surface_m,
+                obstacle,
+                element,
+            };
+            let face = found.face_normal();
+            let towards = if face.dot(reach.middle_m() - found.surface_m) < 0.0 { -face } else { face };
+            // The tool lies beside the triangle's plane or on it: then that plane divides them, too.
+            let flat = space(towards, found.corners[0]);
+            let is_beside = flat.height_m(reach.place_m) >= -1e-7;
+            let rounded = if found.distance_m > 1e-9 {
+                space((found.tool_m - found.surface_m) / found.distance_m, found.surface_m)
+            } else {
+                space(towards, found.surface_m)
+            };
+            let chosen = if into.len() == first || !is_beside {
+                rounded
+            } else if flat.height_m(aim_m) > rounded.height_m(aim_m) {
+                HalfSpace { point_m: found.surface_m, ..flat }
+            } else {
+                rounded
+            };
+            if into.len() == first {
+                // Where the tool slides to along the nearest triangle: the others leave that free if they can.
+                aim_m += chosen.normal * (-chosen.height_m(aim_m)).max(0.0);
+            }
+            into.push(chosen);
+        }
+    }
+
+    /// Whether a point lies behind the surface, as far as the patch tells.
+    pub(super) fn is_inside(&self, reach: &Reach) -> bool {
+        if !self.is_closed {
+            return false;
+        }
+        let [point, _] = reach.segment_m;
+        let mut nearest = f64::INFINITY;
+        let mut height = 0.0_f64;
+        let mut look = |triangle: u32| {
+            let Some(corners) = self.corners(triangle, reach.share) else { return };
+            let surface = on_triangle(point, corners);
+            let distance = point.distance(surface);
+            let normal = (corners[1] - corners[0]).cross(corners[2] - corners[0]).normalize_or_zero();
+            let above = normal.dot(point - surface);
+            // Of faces that share the nearest place the one seen most from the front tells the side.
+            if distance < nearest - 1e-9 {
+                (nearest, height) = (distance, above);
+            } else if distance < nearest + 1e-9 && above.abs() > height.abs() {
+                height = above;
+            }
+        };
+        for triangle in 0..self.triangles.len() as u32 {
+            look(triangle);
+        }
+        height < 0.0
+    }
+}
+
+/// How near a half-space must be to count as the same, metres.
+const KEPT_M: f64 = 1e-9;
+
+/// A triangle near a tool.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Near {
+    distance_m: f64,
+    triangle: u32,
+    corners: [DVec3; 3],
+    tool_m: DVec3,
+    surface_m: DVec3,
+}
+
+impl Near {
+    fn face_normal(&self) -> DVec3 {
+        let [a, b, c] = self.corners;
+        (b - a).cross(c - a).normalize_or(DVec3::Y)
+    }
+}
+
+/// Weights of a place in the corners of its triangle.
+fn weights(place: DVec3, [a, b, c]: [DVec3; 3]) -> [f64; 3] {
+    let normal = (b - a).cross(c - a);
+    let area2 = normal.length_squared();
+    if area2 <= 0.0 {
+        return [1.0, 0.0, 0.0];
+    }
+    let v = (place - a).cross(c - a).dot(normal) / area2;
+    let w = (b - a).cross(place - a).dot(normal) / area2;
+    [1.0 - v - w, v, w]
+}
