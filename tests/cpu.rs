@@ -10,6 +10,7 @@ mod deform_lattice;
 mod deform_support;
 mod deform_warp;
 mod haptics_device;
+mod haptics_servo;
 #[path = "pool_ecs.rs"]
 mod pool_ecs;
 #[allow(dead_code)]

@@ -10,6 +10,7 @@ mod deform_support;
 mod deform_warp;
 mod documents;
 mod haptics_device;
+mod haptics_servo;
 mod harness;
 mod highlights;
 mod organ_asset;

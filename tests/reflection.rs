@@ -69,6 +69,16 @@ const RENDER_WORLD: &[&str] = &[
     "pool/render/",
 ];
 
+/// Folders of models that know no ECS: what passes between threads, borrows, or holds devices. What they reflect is registered.
+const NO_ECS: &[&str] = &[
+    "haptics/device/",
+    "haptics/exchange.rs",
+    "haptics/force/",
+    "haptics/safety/",
+    "haptics/servo/",
+    "haptics/stats.rs",
+];
+
 /// Public types of the sources: name, file, and whether `Reflect` is derived.
 fn public_types(folder: &Path, found: &mut Vec<(String, String, bool)>) {
     for entry in std::fs::read_dir(folder).expect("a folder of the crate") {
@@ -109,7 +119,8 @@ fn public_types_are_reflected_and_registered() {
         // Extracted and uniform types are copies of main-world data for one frame.
         let is_copy = RENDER_WORLD.iter().any(|place| file.starts_with(place))
             || ["ScopeMaskUniform", "MaskPipelineId"].contains(&name.as_str());
-        if is_code || is_copy {
+        let is_model = !is_reflected && NO_ECS.iter().any(|place| file.starts_with(place));
+        if is_code || is_copy || is_model {
             continue;
         }
         if !is_reflected || registry.get_with_short_type_path(&name).is_none() {

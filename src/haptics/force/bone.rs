@@ -71,6 +71,10 @@ impl BoneBrick {
         if voxel.cmplt(self.size).all() { self.solid[(z * height + y) * width + x] } else { 0 }
     }
 
+    pub(super) fn all_solid(&self) -> &[u8] {
+        &self.solid
+    }
+
     /// The largest of a voxel's edges, metres.
     pub fn voxel_m(&self) -> f64 {
         let axes = self.world_from_voxel.matrix3;

@@ -64,6 +64,8 @@ pub struct BurrPush {
     pub turning_n: DVec3,
     /// Where the burr is, world, metres.
     pub place_m: DVec3,
+    /// Whether it is as deep in as it goes.
+    pub is_held: bool,
     /// What it does in the bone.
     pub contact: BurrContact,
 }
@@ -80,12 +82,13 @@ impl TurningBurr {
         if strikes <= most { strikes } else { strikes / (strikes / most).ceil() }
     }
 
-    /// A tick in bone: the burr goes from where it was towards the handle. `phase` counts turns of the vibration.
+    /// A tick in bone: the burr goes from where it was towards a goal; beyond it the handle may be further. `phase` counts turns of the vibration.
     pub fn push(
         &self,
         brick: &BoneBrick,
         from_m: DVec3,
         goal_m: DVec3,
+        handle_m: DVec3,
         axis: DVec3,
         coupling: &Coupling,
         phase: f64,
@@ -102,10 +105,11 @@ impl TurningBurr {
             SurfaceFeel { stiffness_n_per_m: self.stiffness_n_per_m.max(0.0) * found.hardness, ..SurfaceFeel::BONE };
         let (stiffness, _) = coupling.limited(&wanted);
         let (most, _) = coupling.limited(&SurfaceFeel { stiffness_n_per_m: f64::INFINITY, ..wanted });
+        push.is_held = found.depth_m >= deepest_m;
         // Beyond the deepest the handle leaves the burr behind, and the coupling draws it back.
         let over_m = (found.depth_m - deepest_m).max(0.0);
         place_m += found.normal * over_m;
-        let behind_m = (place_m - goal_m).dot(found.normal).max(0.0);
+        let behind_m = (place_m - handle_m).dot(found.normal).max(0.0);
         let normal_n = stiffness * found.depth_m.min(deepest_m) + most * behind_m;
         push.place_m = place_m;
         push.spring_n = found.normal * normal_n;
@@ -118,7 +122,7 @@ impl TurningBurr {
         let along = aside.try_normalize().unwrap_or(found.normal);
         push.turning_n = runs * (aside * (self.friction.max(0.0) * normal_n) + along * vibration_n);
         push.contact = BurrContact {
-            depth_m: found.depth_m,
+            depth_m: found.depth_m.min(deepest_m),
             overlap_m3: found.volume_m3,
             normal: found.normal,
             force_n: normal_n,

@@ -1,16 +1,16 @@
 //! A tree of boxes over the triangles of a patch.
 
-use glam::Vec3;
+use glam::{Vec3, Vec3A};
 
 /// Triangles of a leaf, at most.
 const LEAF: usize = 4;
 
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 struct Node {
-    min: Vec3,
+    min: Vec3A,
     /// First triangle of a leaf, else the right child; the left one follows its parent.
     at: u32,
-    max: Vec3,
+    max: Vec3A,
     /// Triangles of a leaf; 0 for others.
     count: u32,
 }
@@ -20,15 +20,18 @@ struct Node {
 pub(super) struct BoxTree {
     nodes: Vec<Node>,
     order: Vec<u32>,
+    /// Boxes of the triangles, in that order.
+    boxes: Vec<[Vec3A; 2]>,
 }
 
 impl BoxTree {
     /// A tree over boxes.
     pub(super) fn new(boxes: &[[Vec3; 2]]) -> Self {
-        let mut tree = Self { nodes: Vec::new(), order: (0..boxes.len() as u32).collect() };
+        let mut tree = Self { nodes: Vec::new(), order: (0..boxes.len() as u32).collect(), boxes: Vec::new() };
         if !boxes.is_empty() {
             let mut order = std::mem::take(&mut tree.order);
             tree.split(boxes, &mut order, 0);
+            tree.boxes = order.iter().map(|&index| boxes[index as usize].map(Vec3A::from)).collect();
             tree.order = order;
         }
         tree
@@ -42,6 +45,7 @@ impl BoxTree {
         let empty = [Vec3::INFINITY, Vec3::NEG_INFINITY];
         let [min, max] = order.iter().fold(empty, bounds);
         let place = self.nodes.len();
+        let (min, max) = (Vec3A::from(min), Vec3A::from(max));
         self.nodes.push(Node { min, max, at: first as u32, count: order.len() as u32 });
         if order.len() <= LEAF {
             return;
@@ -67,6 +71,8 @@ impl BoxTree {
         if self.nodes.is_empty() {
             return;
         }
+        let (min, max) = (Vec3A::from(min), Vec3A::from(max));
+        let misses = |least: Vec3A, greatest: Vec3A| (least.cmpgt(max) | greatest.cmplt(min)).any();
         // A median tree over all triangles that fit into memory is never deeper.
         let mut stack = [0_u32; 64];
         let mut left = 1;
@@ -74,12 +80,16 @@ impl BoxTree {
             left -= 1;
             let place = stack[left];
             let node = &self.nodes[place as usize];
-            if node.min.cmpgt(max).any() || node.max.cmplt(min).any() {
+            if misses(node.min, node.max) {
                 continue;
             }
             if node.count > 0 {
-                let from = node.at as usize;
-                self.order[from..from + node.count as usize].iter().for_each(|&triangle| visit(triangle));
+                let leaf = node.at as usize..node.at as usize + node.count as usize;
+                for (&triangle, &[least, greatest]) in self.order[leaf.clone()].iter().zip(&self.boxes[leaf]) {
+                    if !misses(least, greatest) {
+                        visit(triangle);
+                    }
+                }
             } else {
                 stack[left] = node.at;
                 stack[left + 1] = place + 1;

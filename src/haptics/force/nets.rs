@@ -16,12 +16,17 @@ pub(super) fn surface(brick: &BoneBrick) -> (Vec<Vec3>, Vec<[u32; 3]>) {
     let cells = size - 1;
     let cell_index = |cell: UVec3| ((cell.z * cells.y + cell.y) * cells.x + cell.x) as usize;
     let mut place_of = vec![u32::MAX; cells.as_u64vec3().element_product() as usize];
-    let value = |voxel: UVec3| f32::from(brick.solid(voxel));
+    let row = (size.x as usize, (size.x * size.y) as usize);
+    let solid = brick.all_solid();
+    let index = |voxel: UVec3| voxel.x as usize + voxel.y as usize * row.0 + voxel.z as usize * row.1;
+    let corners = [0, 1, row.0, row.0 + 1].map(|at| [at, at + row.1]);
+    let corners: [usize; 8] = std::array::from_fn(|corner| corners[corner & 3][corner >> 2]);
     for z in 0..cells.z {
         for y in 0..cells.y {
             for x in 0..cells.x {
                 let cell = UVec3::new(x, y, z);
-                if let Some(place) = crossing(cell, value) {
+                let first = index(cell);
+                if let Some(place) = crossing(cell, corners.map(|corner| solid[first + corner])) {
                     place_of[cell_index(cell)] = places_m.len() as u32;
                     places_m.push(brick.world_from_voxel().transform_point3(place.as_dvec3()).as_vec3());
                 }
@@ -33,6 +38,8 @@ pub(super) fn surface(brick: &BoneBrick) -> (Vec<Vec3>, Vec<[u32; 3]>) {
         for y in 0..size.y {
             for x in 0..size.x {
                 let voxel = UVec3::new(x, y, z);
+                let first = index(voxel);
+                let here = f32::from(solid[first]) > LEVEL;
                 for axis in 0..3 {
                     let (u, v) = ((axis + 1) % 3, (axis + 2) % 3);
                     let other = voxel + UVec3::AXES[axis];
@@ -41,8 +48,7 @@ pub(super) fn surface(brick: &BoneBrick) -> (Vec<Vec3>, Vec<[u32; 3]>) {
                         && voxel[v] > 0
                         && voxel[u] < size[u] - 1
                         && voxel[v] < size[v] - 1;
-                    let (here, there) = (value(voxel) > LEVEL, is_within && value(other) > LEVEL);
-                    if !is_within || here == there {
+                    if !is_within || here == (f32::from(solid[first + [1, row.0, row.1][axis]]) > LEVEL) {
                         continue;
                     }
                     let around = [[1, 1], [0, 1], [0, 0], [1, 0]].map(|[less_u, less_v]| {
@@ -61,9 +67,9 @@ pub(super) fn surface(brick: &BoneBrick) -> (Vec<Vec3>, Vec<[u32; 3]>) {
 }
 
 /// The mean of where the surface cuts the edges of a cell.
-fn crossing(cell: UVec3, value: impl Fn(UVec3) -> f32) -> Option<Vec3> {
+fn crossing(cell: UVec3, values: [u8; 8]) -> Option<Vec3> {
     let corner = |index: u32| UVec3::new(index & 1, index >> 1 & 1, index >> 2);
-    let values: [f32; 8] = std::array::from_fn(|index| value(cell + corner(index as u32)));
+    let values = values.map(f32::from);
     let solid = values.iter().filter(|&&value| value > LEVEL).count();
     if solid == 0 || solid == 8 {
         return None;

@@ -16,7 +16,9 @@ use glam::DVec3;
 /// How many contacts are told of a step.
 pub const MAX_CONTACTS: usize = 4;
 /// Straight pieces of a step, at most.
-const PIECES: usize = 24;
+const PIECES: usize = 16;
+/// How far the proxy may be above a curved surface at the end of a tick, metres: the next brings it down.
+const FLAT_M: f64 = 4e-6;
 /// The proxy has arrived when it moves less, metres.
 const ARRIVED_M: f64 = 1e-6;
 
@@ -343,7 +345,9 @@ impl Proxy {
                 let of = found.held_by[index];
                 *hold = (index < found.count).then(|| (self.spaces[of].normal, found.push_m[index], of));
             }
-            if is_whole && length_m < 20.0 * ARRIVED_M || next_m.distance_squared(place_m) < ARRIVED_M * ARRIVED_M {
+            if is_whole && length_m * length_m < 2.0 * thinnest_m * FLAT_M
+                || next_m.distance_squared(place_m) < ARRIVED_M * ARRIVED_M
+            {
                 break;
             }
             // In the open longer strides are worth a look further ahead.

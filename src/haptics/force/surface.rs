@@ -169,21 +169,26 @@ impl SurfacePatch {
         let [point, _] = reach.segment_m;
         let mut nearest = f64::INFINITY;
         let mut height = 0.0_f64;
-        let mut look = |triangle: u32| {
+        let mut look = |triangle: u32, nearest: &mut f64| {
             let Some(corners) = self.corners(triangle, reach.share) else { return };
             let surface = on_triangle(point, corners);
             let distance = point.distance(surface);
             let normal = (corners[1] - corners[0]).cross(corners[2] - corners[0]).normalize_or_zero();
             let above = normal.dot(point - surface);
             // Of faces that share the nearest place the one seen most from the front tells the side.
-            if distance < nearest - 1e-9 {
-                (nearest, height) = (distance, above);
-            } else if distance < nearest + 1e-9 && above.abs() > height.abs() {
+            if distance < *nearest - 1e-9 {
+                (*nearest, height) = (distance, above);
+            } else if distance < *nearest + 1e-9 && above.abs() > height.abs() {
                 height = above;
             }
         };
-        for triangle in 0..self.triangles.len() as u32 {
-            look(triangle);
+        // Ever further around, until what is nearest is surely among those seen.
+        let mut radius_m = 1e-3;
+        while radius_m < 1.0 && nearest > radius_m {
+            let around = DVec3::splat(radius_m);
+            let (min, max) = ((point - around).as_vec3() - 1e-6, (point + around).as_vec3() + 1e-6);
+            self.tree.visit(min, max, |triangle| look(triangle, &mut nearest));
+            radius_m *= 4.0;
         }
         height < 0.0
     }

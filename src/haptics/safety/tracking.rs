@@ -30,6 +30,8 @@ pub struct Tracking {
     /// Since the device's time went on, seconds.
     since_news_s: f64,
     counts_time: bool,
+    /// The device's time when it was given up for repeating itself.
+    stale_at_s: Option<f64>,
     velocity_m_per_s: DVec3,
     dropped: u64,
     jumps: u64,
@@ -47,6 +49,7 @@ impl Tracking {
             since_good_s: 0.0,
             since_news_s: 0.0,
             counts_time: false,
+            stale_at_s: None,
             velocity_m_per_s: DVec3::ZERO,
             dropped: 0,
             jumps: 0,
@@ -60,6 +63,10 @@ impl Tracking {
             self.dropped += u64::from(sample.is_some());
             return self.without();
         };
+        if self.stale_at_s.is_some_and(|stale_s| sample.time_s <= stale_s) {
+            return Tracked::Lost;
+        }
+        self.stale_at_s = None;
         let Some(last) = self.last else {
             self.begin(sample);
             return Tracked::Began;
@@ -94,6 +101,9 @@ impl Tracking {
 
     fn without(&mut self) -> Tracked {
         let is_stale = self.counts_time && self.since_news_s > self.settings.stale_s;
+        if is_stale {
+            self.stale_at_s = self.last.map(|sample| sample.time_s);
+        }
         if is_stale || self.since_good_s > self.settings.longest_tick_s || self.last.is_none() {
             self.last = None;
             self.velocity_m_per_s = DVec3::ZERO;

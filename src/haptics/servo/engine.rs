@@ -78,6 +78,8 @@ struct Hand {
     rig_from: Option<RigPose>,
     rig_now: Option<RigPose>,
     rig_revision: Option<u64>,
+    /// Out of the bone that held the burr in the tick before.
+    bone_normal: Option<DVec3>,
     /// Turns of the vibration.
     phase: f64,
 }
@@ -95,6 +97,7 @@ impl Hand {
             rig_from: None,
             rig_now: None,
             rig_revision: None,
+            bone_normal: None,
             phase: 0.0,
         }
     }
@@ -104,6 +107,7 @@ impl Hand {
         self.safety.trip();
         self.observer.reset();
         self.proxy.reset(self.proxy.place_m());
+        self.bone_normal = None;
     }
 
     /// What the models reckon with: a device without motors has forces, too, that cut and are heard.
@@ -159,7 +163,7 @@ impl ServoEngine {
         self.stop();
         self.hand = Hand::new(device.info().limits, self.settings.safety);
         self.last_fault = None;
-        self.is_over = false;
+        (self.is_over, self.state.is_over) = (false, false);
         std::mem::replace(&mut self.device, device)
     }
 
@@ -370,7 +374,12 @@ impl Hand {
         let obstacles = &obstacles[..scene.bodies.len().min(MAX_BODIES)];
         let (parts, count) = scene.tool.parts(rotation);
         let was_m = self.proxy.place_m();
-        let step = self.proxy.step(tip_m, velocity_m_per_s, &parts[..count], obstacles, shares, coupling);
+        // Bone that held the burr holds it again: what lies far behind that need not be searched.
+        let held_m =
+            self.bone_normal.take().filter(|_| turning.is_some()).map_or(DVec3::ZERO, |normal| {
+                normal * ((was_m - tip_m).dot(normal) - scene.tool.tip_radius_m).max(0.0)
+            });
+        let step = self.proxy.step(tip_m + held_m, velocity_m_per_s, &parts[..count], obstacles, shares, coupling);
         state.contact_count = step.count;
         for (told, contact) in state.contacts.iter_mut().zip(&step.contacts[..step.count]) {
             *told = ServoContact {
@@ -394,8 +403,9 @@ impl Hand {
         for body in scene.bodies.iter().take(MAX_BODIES) {
             let ServoShape::Bone(bone) = &body.shape else { continue };
             let goal_m = self.proxy.place_m();
-            let mut push = burr.push(&bone.brick, was_m, goal_m, axis, coupling, self.phase);
+            let mut push = burr.push(&bone.brick, was_m, goal_m, goal_m - held_m, axis, coupling, self.phase);
             self.proxy.put(push.place_m);
+            self.bone_normal = if push.is_held { Some(push.contact.normal) } else { self.bone_normal };
             if push.contact.depth_m <= 0.0 {
                 continue;
             }

@@ -1,0 +1,10 @@
+//! The servo loop: what the hand feels, and that it is never hurt.
+
+mod bone;
+mod engine;
+mod exchange;
+mod passivity;
+mod proxy;
+mod safety;
+mod scene;
+mod thread;
