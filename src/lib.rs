@@ -127,6 +127,7 @@ use bevy::app::{PluginGroup, PluginGroupBuilder};
 /// | [`ReactionsPlugin`](reactions::ReactionsPlugin) | [`Reactions`](reactions::Reactions), [`OrganTouch`](reactions::OrganTouch) | organ; render to be seen |
 /// | [`HighlightsPlugin`](highlights::HighlightsPlugin) | [`Highlights`](highlights::Highlights) | organ; render to be seen |
 /// | [`DeformPlugin`](deform::DeformPlugin) | [`DeformLattice`](deform::DeformLattice), [`LatticeAnimation`](deform::LatticeAnimation), [`ElasticBody`](deform::elastic::ElasticBody), organs that ride in them | organ |
+/// | [`HapticsPlugin`](haptics::HapticsPlugin) | the types of [`haptics`]: devices, force models, the servo loop | |
 /// | [`VolumePlugin`](volume::VolumePlugin) | [`CtVolume`](volume::CtVolume), [`LoadVolume`](volume::LoadVolume), [`DrillVolume`](volume::DrillVolume) | schedule; render to be seen |
 /// | [`PoolPlugin`](pool::PoolPlugin) | [`Pool`](pool::Pool), [`SuctionIrrigator`](pool::SuctionIrrigator), [`Bleeder`](pool::Bleeder) | schedule, volume; render to be seen |
 /// | [`SurgeryViewPlugin`](view::SurgeryViewPlugin) (feature `render`) | [`Endoscope`](view::Endoscope), [`Microscope`](view::Microscope), [`ScopeLight`](view::ScopeLight), [`ScopeMask`](view::ScopeMask), [`StereoPair`](view::StereoPair), [`MonitorView`](view::MonitorView), [`ToolShadows`](view::ToolShadows) | render |
@@ -140,6 +141,7 @@ impl PluginGroup for SurgeryPlugins {
         let group = group
             .add(organ::OrganPlugin::default())
             .add(deform::DeformPlugin)
+            .add(haptics::HapticsPlugin)
             .add(skin::SkinPlugin)
             .add(reactions::ReactionsPlugin)
             .add(highlights::HighlightsPlugin)
