@@ -190,7 +190,7 @@ fn ticks(criterion: &mut Criterion) {
     for (name, burr) in [("mesh", false), ("mesh and burr in 256^3", true)] {
         let (mut engine, mut link, scene) = loop_of(burr);
         let mut step = |tick: u32| {
-            if tick % 16 == 0 {
+            if tick.is_multiple_of(16) {
                 link.publish(scene.clone());
             }
             engine.tick(1e-3);

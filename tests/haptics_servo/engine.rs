@@ -95,6 +95,21 @@ fn a_rig_turns_scales_and_clutches() {
 }
 
 #[test]
+fn a_rig_that_has_jumped_begins_anew() {
+    let (mut engine, mut link, bench) = engine(DeviceLimits::OMNI);
+    let mut to = on_a_floor();
+    go(&mut engine, &mut link, &bench, &to, [ABOVE; 2], 100);
+    // The hand is where it was; the tool is in the floor now, and is not held there.
+    to.rig.world_from_device = DAffine3::from_translation(DVec3::Y * -0.013);
+    to.rig.revision = 1;
+    for _ in 0..100 {
+        go(&mut engine, &mut link, &bench, &to, [ABOVE; 2], 1);
+        assert_eq!(bench.lock().expect("the bench").told.force_n, DVec3::ZERO);
+    }
+    assert!(link.state().tip_in_world_m.distance(DVec3::Y * -0.003) < 1e-12, "{}", link.state().tip_in_world_m);
+}
+
+#[test]
 fn a_rig_that_moves_is_followed_smoothly() {
     let (mut engine, mut link, bench) = engine(DeviceLimits::OMNI);
     let mut to = on_a_floor();

@@ -108,7 +108,7 @@ fn press(limits: DeviceLimits, coulomb_n: f64, to: &ServoScene, start_m: f64) ->
     let (mut engine, mut link) = ServoEngine::new(Box::new(device), ServoSettings::default());
     let mut swing = [[f64::INFINITY, f64::NEG_INFINITY]; 10];
     for tick in 0..10_000_usize {
-        if tick % 16 == 0 {
+        if tick.is_multiple_of(16) {
             link.publish(to.clone());
         }
         engine.tick(1e-3);

@@ -36,10 +36,10 @@ impl Coupling {
     /// The stiffest spring in the world's metres: within the device's limit and `K < 2 b / T`.
     pub fn max_stiffness_n_per_m(&self) -> f64 {
         let stable = MARGIN * 2.0 * self.own_damping_n_s_per_m / self.period_s;
-        self.to_world(self.max_stiffness_n_per_m.min(stable))
+        self.in_world(self.max_stiffness_n_per_m.min(stable))
     }
 
-    fn to_world(&self, at_the_hand: f64) -> f64 {
+    fn in_world(&self, at_the_hand: f64) -> f64 {
         if self.hand_from_world > 0.0 { at_the_hand / self.hand_from_world } else { 0.0 }
     }
 
@@ -51,12 +51,12 @@ impl Coupling {
         let left = MARGIN * self.own_damping_n_s_per_m - at_the_hand * self.period_s * 0.5;
         let critical = 2.0 * (self.own_mass_kg * at_the_hand).sqrt();
         let most = left.min(critical).min(self.max_damping_n_s_per_m).max(0.0);
-        (stiffness, feel.damping_n_s_per_m.min(self.to_world(most)).max(0.0))
+        (stiffness, feel.damping_n_s_per_m.min(self.in_world(most)).max(0.0))
     }
 
     /// The strongest drag in the world's metres.
     pub fn drag_n_s_per_m(&self) -> f64 {
-        self.to_world(self.controller_damping_n_s_per_m())
+        self.in_world(self.controller_damping_n_s_per_m())
     }
 
     /// How much damping the passivity controller may add, at the hand: with more than half of `m / T` the damper itself would

@@ -225,7 +225,7 @@ impl ServoEngine {
                 return;
             }
         }
-        if self.state.tick % TIMING_TICKS == 0 {
+        if self.state.tick.is_multiple_of(TIMING_TICKS) {
             self.state.timing = self.meter.timing();
         }
         self.states.publish(self.state);
