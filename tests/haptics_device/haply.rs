@@ -112,7 +112,8 @@ fn a_force_ends_with_its_time_and_with_its_device() {
         service.last_force("A14").filter(is_pushed(true))
     });
     drop(device);
-    assert!(service.last_force("A14").is_some_and(|told| is_pushed(false)(&told)), "a drop leaves no force");
+    // On a busy machine a drop does not wait until the service has been told.
+    wait_for("no force after the drop", || service.last_force("A14").filter(is_pushed(false)));
     drop(backend);
 }
 
