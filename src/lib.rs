@@ -48,6 +48,7 @@ pub mod render;
 pub mod schedule;
 pub mod skin;
 pub mod testing;
+pub mod tools;
 #[cfg(feature = "render")]
 pub mod view;
 pub mod volume;
@@ -130,6 +131,7 @@ use bevy::app::{PluginGroup, PluginGroupBuilder};
 /// | [`HapticsPlugin`](haptics::HapticsPlugin) | the types of [`haptics`]: devices, force models, the servo loop | |
 /// | [`VolumePlugin`](volume::VolumePlugin) | [`CtVolume`](volume::CtVolume), [`LoadVolume`](volume::LoadVolume), [`DrillVolume`](volume::DrillVolume) | schedule; render to be seen |
 /// | [`PoolPlugin`](pool::PoolPlugin) | [`Pool`](pool::Pool), [`SuctionIrrigator`](pool::SuctionIrrigator), [`Bleeder`](pool::Bleeder) | schedule, volume; render to be seen |
+/// | [`ToolsPlugin`](tools::ToolsPlugin) | instruments | schedule |
 /// | [`SurgeryViewPlugin`](view::SurgeryViewPlugin) (feature `render`) | [`Endoscope`](view::Endoscope), [`Microscope`](view::Microscope), [`ScopeLight`](view::ScopeLight), [`ScopeMask`](view::ScopeMask), [`StereoPair`](view::StereoPair), [`MonitorView`](view::MonitorView), [`ToolShadows`](view::ToolShadows) | render |
 pub struct SurgeryPlugins;
 
@@ -146,7 +148,8 @@ impl PluginGroup for SurgeryPlugins {
             .add(reactions::ReactionsPlugin)
             .add(highlights::HighlightsPlugin)
             .add(volume::VolumePlugin)
-            .add(pool::PoolPlugin);
+            .add(pool::PoolPlugin)
+            .add(tools::ToolsPlugin);
         #[cfg(feature = "render")]
         let group = group.add(view::SurgeryViewPlugin);
         group
