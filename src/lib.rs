@@ -64,6 +64,7 @@ pub mod prelude {
         LatticeAnimation, LatticeError, LatticeMotion, NormalDeformation, Patch, TravellingWave,
     };
     pub use crate::gravity::SurgeryGravity;
+    pub use crate::haptics::force::SurfaceFeel;
     pub use crate::highlights::{HighlightCover, Highlights, HighlightsPlugin};
     pub use crate::organ::clean::{Topology, Weld};
     pub use crate::organ::load::{LoadOptions, MeshUnit};
@@ -87,6 +88,11 @@ pub mod prelude {
     pub use crate::schedule::{SurgerySchedulePlugin, SurgerySystems};
     pub use crate::skin::tiles::TileOptions;
     pub use crate::skin::{OrganPreset, Skin, SkinPlugin, TileSource};
+    pub use crate::tools::{
+        Contact, ContactMatter, ContactPhase, DrillHead, Electrodes, Jaws, Tool, ToolCommand, ToolContacts, ToolForce,
+        ToolGeometry, ToolHand, ToolKind, ToolMotion, ToolPart, ToolPlace, ToolPose, ToolTouched, ToolWork,
+        ToolsPlugin, TouchTools,
+    };
     #[cfg(feature = "render")]
     pub use crate::view::{
         Endoscope, Microscope, MicroscopeLamp, MonitorView, ScopeLight, ScopeMask, StereoPair, SurgeryViewPlugin,

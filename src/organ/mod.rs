@@ -13,11 +13,13 @@ mod build;
 mod cache;
 pub mod chart;
 pub mod clean;
+pub(crate) mod closest;
 mod ellipsoid;
 pub mod error;
 pub mod load;
 pub mod mesh;
 pub mod pick;
+mod pick_segment;
 mod picking;
 pub mod planar;
 pub mod procedural;
@@ -33,6 +35,8 @@ pub use build::{ChartKind, OrganError, OrganModel, OrganOptions, OrganParts, Org
 pub use cache::OrganCache;
 pub use ellipsoid::procedural_ellipsoid;
 pub use mesh::SurfaceMesh;
+pub use pick_segment::SegmentHit;
+pub(crate) use picking::refit_pickers;
 pub use picking::{OrganHit, OrganPicking};
 pub use shape::{Hollow, Organ, OrganShape, ShapeOrgans, awaited_models};
 pub use sphere::{SphereMesh, SurfacePoint};
@@ -57,6 +61,7 @@ impl Plugin for OrganPlugin {
             .register_type::<pick::OrganPicker>()
             .register_type::<pick::PickHit>()
             .register_type::<pick::NearestHit>()
+            .register_type::<SegmentHit>()
             .register_type::<clean::CleanReport>()
             .register_type::<clean::RawMesh>()
             .register_type::<procedural::ProceduralLiver>()

@@ -5,12 +5,13 @@
 //! tree is that of `parry3d`; what happens in a face is computed here in double precision, so that no ray slips
 //! through between two faces and equal inputs give equal bits whatever shape the tree has.
 
+use super::closest::on_segment;
 use super::sphere::SurfacePoint;
 use bevy::prelude::{Component, Reflect, ReflectComponent, ReflectDefault};
 use glam::{DVec3, Vec3};
 use parry3d::bounding_volume::Aabb;
 use parry3d::partitioning::{Bvh, BvhBuildStrategy, BvhNode};
-use std::cell::Cell;
+use std::cell::{Cell, RefCell};
 use std::fmt;
 
 /// Vertices further out than this are no part of an organ, metres. Keeps the tree's single precision sums finite.
@@ -176,6 +177,46 @@ impl OrganPicker {
             distance_m,
             position_m: a * barycentric.x + b * barycentric.y + c * barycentric.z,
         })
+    }
+
+    /// Corners of a face, metres.
+    pub(super) fn corners_of(&self, face: u32) -> [DVec3; 3] {
+        self.corners_m[face as usize].map(|corner| corner.as_dvec3())
+    }
+
+    /// Looks at the faces whose boxes come within a distance of a segment; each look says how far the next ones may be.
+    pub(super) fn visit_near_segment(
+        &self,
+        ends_m: [DVec3; 2],
+        max_distance_m: f64,
+        look: impl FnMut(u32, [DVec3; 3]) -> f64,
+    ) {
+        let is_search = ends_m.iter().all(|end| end.is_finite()) && max_distance_m >= 0.0;
+        if !is_search {
+            return;
+        }
+        let margin_m = SLACK * self.reach_m(ends_m[0]).max(self.reach_m(ends_m[1]));
+        let (low, high) = (ends_m[0].min(ends_m[1]), ends_m[0].max(ends_m[1]));
+        // Two bounds: from the box around the segment, and from the ball around the other box.
+        let at_least_m = |node: &BvhNode| {
+            let (min, max) = (vector(node.mins().to_array()), vector(node.maxs().to_array()));
+            let of_boxes = (min - high).max(low - max).max(DVec3::ZERO).length();
+            let middle = (min + max) * 0.5;
+            let of_ball = on_segment(middle, ends_m).distance(middle) - (max - middle).length();
+            of_boxes.max(of_ball) - margin_m
+        };
+        // The tree's search takes functions that change nothing.
+        let (look, most_m) = (RefCell::new(look), Cell::new(max_distance_m));
+        self.tree.find_best(
+            f32::MAX,
+            |node: &BvhNode, _| score(Some(at_least_m(node)), most_m.get()),
+            |face, _| {
+                if !self.corners_m[face as usize][0].is_nan() {
+                    most_m.set(look.borrow_mut()(face, self.corners_of(face)));
+                }
+                None::<f32>
+            },
+        );
     }
 
     /// Distance within which everything lies, metres; the scale of rounding errors.

@@ -107,7 +107,7 @@ fn build_pickers(
     }
 }
 
-fn refit_pickers(mut organs: Query<(&OrganShape, &mut OrganPicker), Changed<OrganShape>>) {
+pub(crate) fn refit_pickers(mut organs: Query<(&OrganShape, &mut OrganPicker), Changed<OrganShape>>) {
     for (shape, mut picker) in &mut organs {
         picker.refit(shape.positions_m());
     }

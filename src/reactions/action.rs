@@ -4,6 +4,7 @@ use super::burn::Cautery;
 use super::kind::KindId;
 use crate::organ::sphere::SurfacePoint;
 use bevy::prelude::*;
+use serde::{Deserialize, Serialize};
 
 /// What happens at a place of an organ in one step.
 #[derive(Clone, Debug, PartialEq, Reflect)]
@@ -38,7 +39,8 @@ pub enum ReactionAction {
 }
 
 /// An opened vessel: a first drop wells up at once, then it bleeds.
-#[derive(Clone, Copy, Debug, PartialEq, Reflect)]
+#[derive(Clone, Copy, Debug, PartialEq, Reflect, Serialize, Deserialize)]
+#[serde(default)]
 pub struct Wound {
     /// Bleeding at the beginning, cubic metres per second (1 ml/min is 1.7e-8).
     pub rate_m3_per_s: f64,

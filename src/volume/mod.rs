@@ -15,6 +15,7 @@ mod grid;
 mod lattice;
 pub mod load;
 mod look;
+mod near;
 pub mod phantom;
 pub mod pick;
 mod pick_deformed;
@@ -36,6 +37,7 @@ pub use drilling::{DrillVolume, DrillVolumes, RemovedTissue, VoxelsRemoved};
 pub use grid::{VolumeGrid, VoxelBox};
 pub use lattice::VoxelLattice;
 pub use look::{MAX_CLIP_PLANES, MAX_SMOOTHING_PASSES, SmoothedNormals, VolumeLook, VolumeMethod, WetShading};
+pub use near::MatterHit;
 pub use picking::{PickedVolume, VolumeHitInWorld, VolumePicking};
 #[cfg(feature = "render")]
 pub use render::{AlignedUniform, DeformUniform, PatchFramesTexel, PatchRectTexel, VolumeRedraws, VolumeUniform};
@@ -45,7 +47,8 @@ use bevy::prelude::*;
 
 /// Makes the types known that are neither components nor in messages.
 fn register(app: &mut App) {
-    app.register_type::<VolumeGrid>()
+    app.register_type::<MatterHit>()
+        .register_type::<VolumeGrid>()
         .register_type::<VoxelBox>()
         .register_type::<VoxelLattice>()
         .register_type::<Voxels>()

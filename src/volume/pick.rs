@@ -98,6 +98,11 @@ impl VolumePicker {
         })
     }
 
+    /// The grid.
+    pub fn grid(&self) -> &VolumeGrid {
+        &self.grid
+    }
+
     /// The structures that are picked.
     pub fn structures(&self) -> &Arc<Structures> {
         &self.structures

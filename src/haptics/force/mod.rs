@@ -26,11 +26,13 @@ pub use load::ToolLoad;
 pub use proxy::{MAX_CONTACTS, Obstacle, Proxy, ProxyContact, ProxyStep, ToolCapsule};
 pub use surface::SurfacePatch;
 
-use bevy::reflect::Reflect;
+use bevy::prelude::{Component, Reflect, ReflectComponent, ReflectDefault};
 use serde::{Deserialize, Serialize};
 
-/// How a surface feels.
-#[derive(Clone, Copy, Debug, PartialEq, Reflect, Serialize, Deserialize)]
+/// How a surface feels. As a component beside an organ or a volume, how that feels; without it an organ feels like a liver and a
+/// volume like bone.
+#[derive(Component, Clone, Copy, Debug, PartialEq, Reflect, Serialize, Deserialize)]
+#[reflect(Component, Default, Clone)]
 pub struct SurfaceFeel {
     /// Newtons per metre of depth; the loop takes no more than the device bears.
     pub stiffness_n_per_m: f64,

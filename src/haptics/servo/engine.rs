@@ -263,7 +263,7 @@ impl Hand {
         let rig = self.follow_rig(scene);
         let handle = self.tracking.sample().copied();
         state.is_tracked = handle.is_some();
-        state.scene_time_s = scene.time_s;
+        (state.scene_time_s, state.rig_revision) = (scene.time_s, scene.rig.revision);
         (state.dropped_samples, state.jumps) = (self.tracking.dropped(), self.tracking.jumps());
         let is_held = scene.rig.is_engaged && self.silent_s.is_finite();
         let (Some(handle), Some(rig), true) = (handle, rig, is_held) else {

@@ -33,6 +33,8 @@ pub struct ServoState {
     pub time_s: f64,
     /// Time of the scene that it knew, seconds.
     pub scene_time_s: f64,
+    /// The revision of the rig that it knew.
+    pub rig_revision: u64,
     /// The newest good state of the device.
     pub sample: DeviceSample,
     /// Whether the device knows where its handle is.

@@ -1,0 +1,139 @@
+//! Which bodies every tool touches in this step.
+
+use super::bodies::{OrganBody, Placed, VolumeBody};
+use super::sweep::{Solid, sweep};
+use super::{Contact, NEAR_M, ToolContacts, ToolPart};
+use crate::haptics::force::SurfaceFeel;
+use crate::organ::pick::OrganPicker;
+use crate::organ::{Hollow, Organ, OrganModel, OrganShape};
+use crate::tools::pose::ToolPlace;
+use crate::tools::{Tool, ToolForce, ToolMotion};
+use crate::volume::{CtVolume, CutVolume, DeformedVolume, PickedVolume, Volume};
+use bevy::ecs::system::SystemParam;
+use bevy::math::DVec3;
+use bevy::prelude::*;
+
+/// How deep in a body a part is still held by it, metres: new contacts, and those that last.
+const DEEP_M: [f64; 2] = [NEAR_M, 0.1];
+/// Forces reckoned by depth grow no further, newtons.
+const MOST_FORCE_N: f64 = 20.0;
+
+type OrganParts = (
+    Entity,
+    &'static OrganPicker,
+    &'static OrganShape,
+    &'static Organ,
+    &'static GlobalTransform,
+    Has<Hollow>,
+    Option<&'static SurfaceFeel>,
+);
+type VolumeParts = (
+    Entity,
+    &'static PickedVolume,
+    &'static CutVolume,
+    &'static CtVolume,
+    &'static GlobalTransform,
+    Option<&'static DeformedVolume>,
+    Option<&'static SurfaceFeel>,
+);
+
+/// Everything that tools touch.
+#[derive(SystemParam)]
+pub(in crate::tools) struct Bodies<'w, 's> {
+    organs: Query<'w, 's, OrganParts>,
+    models: Res<'w, Assets<OrganModel>>,
+    volumes: Query<'w, 's, VolumeParts>,
+    assets: Res<'w, Assets<Volume>>,
+}
+
+/// Ends of a part of a tool at a place; a ball has both at one.
+fn ends(tool: &Tool, part: ToolPart, place: &ToolPlace) -> Option<([DVec3; 2], f64)> {
+    let tip_m = place.tip_in_world_m.as_dvec3();
+    let back = place.back_in_world().as_dvec3();
+    match part {
+        ToolPart::Tip => Some(([tip_m; 2], f64::from(tool.tip_radius_m()))),
+        ToolPart::Shaft => {
+            let (length_m, radius_m) =
+                (f64::from(tool.geometry.shaft_length_m), f64::from(tool.geometry.shaft_radius_m));
+            // What the tip touches is the tip's.
+            let start_m = f64::from(tool.tip_radius_m()) + radius_m;
+            let is_there = length_m.is_finite() && radius_m.is_finite() && length_m > start_m && radius_m >= 0.0;
+            is_there.then(|| ([tip_m + back * start_m, tip_m + back * length_m], radius_m))
+        }
+    }
+}
+
+type Touching = (&'static Tool, &'static ToolMotion, &'static ToolForce, &'static mut ToolContacts);
+
+/// Finds the contacts of every tool.
+pub(in crate::tools) fn find_contacts(mut tools: Query<Touching>, bodies: Bodies) {
+    for (tool, motion, force, mut contacts) in &mut tools {
+        let before = std::mem::take(&mut contacts.bypass_change_detection().list);
+        let was_near = !contacts.near.is_empty();
+        contacts.bypass_change_detection().near.clear();
+        let mut search = Search { tool, motion, force, before: &before, contacts: contacts.bypass_change_detection() };
+        if tool.is_solid() && motion.to.is_some() {
+            for (entity, picker, shape, organ, transform, is_hollow, feel) in &bodies.organs {
+                let model = bodies.models.get(&organ.0).filter(|model| shape.is_of(model));
+                let (Some(model), Some(placed)) = (model, Placed::new(transform.affine())) else { continue };
+                let body = OrganBody { placed, picker, surface: model.surface(shape), is_hollow };
+                search.touch(entity, &body, feel.unwrap_or(&SurfaceFeel::LIVER));
+            }
+            for (entity, PickedVolume(picker), cut, source, transform, deformed, feel) in &bodies.volumes {
+                let Some(volume) = bodies.assets.get(&source.0).filter(|volume| volume.grid().size == cut.size())
+                else {
+                    continue;
+                };
+                let Some(placed) = Placed::new(transform.affine()) else { continue };
+                let lattice = deformed.map(|deformed| (deformed.lattice(), volume.grid()));
+                let body = VolumeBody { placed, picker, cut, lattice };
+                search.touch(entity, &body, feel.unwrap_or(&SurfaceFeel::BONE));
+            }
+            search.contacts.list.sort_by_key(|contact| (contact.body, contact.part));
+            search.contacts.near.sort();
+        }
+        if contacts.list != before || was_near || !contacts.near.is_empty() {
+            contacts.set_changed();
+        }
+    }
+}
+
+struct Search<'a> {
+    tool: &'a Tool,
+    motion: &'a ToolMotion,
+    force: &'a ToolForce,
+    before: &'a [Contact],
+    contacts: &'a mut ToolContacts,
+}
+
+impl Search<'_> {
+    fn touch(&mut self, body: Entity, solid: &impl Solid, feel: &SurfaceFeel) {
+        let Some(to) = &self.motion.to else { return };
+        let known_n = self.force.of_body_n(body);
+        for part in [ToolPart::Tip, ToolPart::Shaft] {
+            let Some((to_m, radius_m)) = ends(self.tool, part, to) else { continue };
+            let from_m = self.motion.from.and_then(|from| ends(self.tool, part, &from)).map(|(ends_m, _)| ends_m);
+            let lasts = self.before.iter().any(|contact| contact.body == body && contact.part == part);
+            let touched = sweep(solid, from_m, to_m, radius_m, DEEP_M[usize::from(lasts)]);
+            let is_near = touched.is_some() || solid.nearest(to_m, radius_m + NEAR_M).is_some();
+            if is_near && !self.contacts.near.contains(&body) {
+                self.contacts.near.push(body);
+            }
+            let Some(touch) = touched else { continue };
+            // A part that is measured together with the other one has the whole force where it is alone.
+            let force_n = match known_n {
+                Some(known_n) => known_n,
+                None => (feel.stiffness_n_per_m * touch.depth_m).clamp(0.0, MOST_FORCE_N) as f32,
+            };
+            self.contacts.list.push(Contact {
+                body,
+                part,
+                point_world_m: touch.near.point_m.as_vec3(),
+                normal_world: touch.near.normal.as_vec3(),
+                depth_m: touch.depth_m as f32,
+                matter: touch.near.matter,
+                force_n,
+            });
+        }
+    }
+}

@@ -1,0 +1,177 @@
+//! What is left of volumes around a tool, as the loop wants it.
+
+use crate::haptics::force::{BoneBrick, BonePatch, SurfaceFeel, SurfacePatch};
+use crate::volume::pick::VolumePicker;
+use crate::volume::{CutVolume, VoxelBox, VoxelLattice};
+use bevy::math::{DAffine3, DVec3, UVec3};
+use bevy::prelude::*;
+use std::collections::BTreeMap;
+use std::sync::Arc;
+
+/// How far beyond a tip voxels are told of, metres: further than a hand gets between two steps at a surgeon's speeds.
+const BEYOND_M: f64 = 3e-3;
+/// Voxels on either side of the tip, at least and at most.
+const HALF_VOXELS: [f64; 2] = [8.0, 24.0];
+/// A patch is made anew when the tip has moved by this share of what it holds beyond it.
+const STRAY_SHARE: f64 = 0.35;
+
+/// What was told of volumes.
+#[derive(Default)]
+pub(super) struct BonePatches(BTreeMap<Entity, Told>);
+
+#[derive(Clone)]
+struct Told {
+    of: Arc<crate::volume::structures::Structures>,
+    cut: (u64, u64),
+    lattice: u64,
+    placed: DAffine3,
+    tip: DVec3,
+    feel: SurfaceFeel,
+    voxels: VoxelBox,
+    has_surface: bool,
+    patch: Option<Arc<BonePatch>>,
+    is_new: bool,
+}
+
+/// A volume and what is left of it.
+pub(super) struct Bone<'a> {
+    pub(super) picker: &'a VolumePicker,
+    pub(super) cut: &'a CutVolume,
+    pub(super) lattice: Option<(&'a VoxelLattice, u64)>,
+    pub(super) world_from_volume: DAffine3,
+    pub(super) feel: SurfaceFeel,
+}
+
+impl Bone<'_> {
+    /// From voxels at rest to the world around a tip, and the tip in voxels at rest. Through a lattice by its slope there.
+    fn map(&self, tip_m: DVec3) -> (DAffine3, DVec3) {
+        let grid = self.picker.grid();
+        let volume_from_voxel = DAffine3::from_cols_array(&grid.volume_from_voxel().to_cols_array().map(f64::from));
+        let world_from_voxel = self.world_from_volume * volume_from_voxel;
+        let shown = world_from_voxel.inverse().transform_point3(tip_m);
+        let Some((lattice, _)) = self.lattice else { return (world_from_voxel, shown) };
+        let rest = lattice.rest_from_shown(shown.as_vec3()).as_dvec3();
+        let shown_per_rest = lattice.slope_at(shown.as_vec3()).inverse().as_dmat3();
+        if !shown_per_rest.is_finite() {
+            return (world_from_voxel, shown);
+        }
+        let shown_from_rest = DAffine3::from_mat3_translation(shown_per_rest, shown - shown_per_rest * rest);
+        (world_from_voxel * shown_from_rest, rest)
+    }
+}
+
+impl BonePatches {
+    pub(super) fn begin(&mut self) {
+        for told in self.0.values_mut() {
+            told.is_new = false;
+        }
+    }
+
+    pub(super) fn end(&mut self) {
+        self.0.retain(|_, told| told.is_new);
+    }
+
+    /// The voxels around a tip of a radius and, unless a burr turns, their surface. None where there is nothing to touch.
+    pub(super) fn patch(
+        &mut self,
+        entity: Entity,
+        bone: &Bone,
+        tip_m: DVec3,
+        tip_radius_m: f64,
+        with_surface: bool,
+    ) -> Option<Arc<BonePatch>> {
+        let (world_from_voxel, tip) = bone.map(tip_m);
+        if !(world_from_voxel.is_finite() && tip.is_finite()) {
+            return None;
+        }
+        let grid = bone.picker.grid();
+        let axes = world_from_voxel.matrix3;
+        let voxel_m = axes.x_axis.length().min(axes.y_axis.length()).min(axes.z_axis.length()).max(1e-6);
+        let half = ((tip_radius_m + BEYOND_M) / voxel_m).ceil().clamp(HALF_VOXELS[0], HALF_VOXELS[1]);
+        let stray = (half - tip_radius_m / voxel_m).max(2.0) * STRAY_SHARE;
+        let lattice = bone.lattice.map_or(0, |(_, revision)| revision);
+        let cut = (bone.cut.lineage(), bone.cut.revision());
+        if let Some(told) = self.0.get_mut(&entity) {
+            let is_whole = cut == told.cut
+                || cut.0 == told.cut.0
+                    && bone.cut.changes_since(told.cut.1).is_some_and(|changes| {
+                        changes.iter().all(|change| change.intersection(&told.voxels).is_empty())
+                    });
+            let serves = is_whole
+                && Arc::ptr_eq(&told.of, bone.picker.structures())
+                && (told.lattice, told.placed, told.feel) == (lattice, bone.world_from_volume, bone.feel)
+                && told.tip.distance(tip) <= stray
+                && (told.has_surface || !with_surface);
+            if serves {
+                (told.is_new, told.cut) = (true, cut);
+                return told.patch.clone();
+            }
+        }
+        let low = (tip - half).floor();
+        let bounds = grid.size.as_dvec3();
+        if low.cmpge(bounds).any() || (low + 2.0 * half + 1.0).cmple(DVec3::ZERO).any() {
+            return None;
+        }
+        let min = low.max(DVec3::ZERO).as_uvec3();
+        let max = (low + 2.0 * half + 2.0).min(bounds).as_uvec3();
+        let voxels = VoxelBox { min, max };
+        let patch = brick(bone, voxels, world_from_voxel).map(|brick| {
+            Arc::new(if with_surface {
+                BonePatch::new(brick, bone.feel)
+            } else {
+                BonePatch { brick, surface: SurfacePatch::default() }
+            })
+        });
+        let told = Told {
+            of: bone.picker.structures().clone(),
+            cut,
+            lattice,
+            placed: bone.world_from_volume,
+            tip,
+            feel: bone.feel,
+            voxels,
+            has_surface: with_surface,
+            patch: patch.clone(),
+            is_new: true,
+        };
+        self.0.insert(entity, told);
+        patch
+    }
+}
+
+/// Voxels of a box, with what is left of them; none where that is nothing. Where the box reaches the grid's side, a layer of air
+/// around it closes the surface.
+fn brick(bone: &Bone, of: VoxelBox, world_from_voxel: DAffine3) -> Option<BoneBrick> {
+    let (grid, structures) = (bone.picker.grid(), bone.picker.structures());
+    let (size, margin) = (of.size(), UVec3::ONE);
+    let mut left = vec![0; of.count()];
+    bone.cut.copy_remaining(of, &mut left);
+    let padded = size + 2 * margin;
+    let count = padded.element_product() as usize;
+    let (mut solid, mut label) = (vec![0_u8; count], vec![0_u8; count]);
+    let mut any = 0_u8;
+    for z in 0..size.z {
+        for y in 0..size.y {
+            let from = grid.index(of.min + UVec3::new(0, y, z));
+            let row = ((z * size.y + y) * size.x) as usize;
+            let to = (((z + 1) * padded.y + y + 1) * padded.x + 1) as usize;
+            let width = size.x as usize;
+            let sources = structures.solid()[from..from + width].iter().zip(&left[row..row + width]);
+            for (into, (&filled, &left)) in solid[to..to + width].iter_mut().zip(sources) {
+                // As a product of shares, to the nearest 255th.
+                *into = ((u32::from(filled) * u32::from(left) + 127) / 255) as u8;
+                any |= *into;
+            }
+            label[to..to + width].copy_from_slice(&structures.labels()[from..from + width]);
+        }
+    }
+    if any == 0 {
+        return None;
+    }
+    let mut hardness = [1.0; 256];
+    for (label, structure) in (1..=255_usize).zip(structures.list()) {
+        hardness[label] = structure.hardness;
+    }
+    let offset = of.min.as_dvec3() - margin.as_dvec3();
+    BoneBrick::new(padded, solid, label, hardness, world_from_voxel * DAffine3::from_translation(offset))
+}
