@@ -15,6 +15,7 @@ mod haptics_servo;
 mod pool_ecs;
 #[allow(dead_code)]
 mod support;
+mod tools;
 mod volume_deformed;
 mod volume_elastic;
 

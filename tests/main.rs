@@ -41,6 +41,7 @@ mod skin_pass;
 mod skin_texture;
 mod skin_tiles;
 mod support;
+mod tools;
 mod view;
 mod view_shadows;
 mod view_stereo;

@@ -50,6 +50,12 @@ impl Measures {
             });
             named.collect()
         };
+        let last = |prefix: &str| -> Map<String, Value> {
+            let named = self.spans_ms.iter().filter_map(|(path, values)| {
+                Some((path.strip_prefix(prefix)?.to_string(), json!(rounded(*values.last()?))))
+            });
+            named.collect()
+        };
         let mut stages = spans("surgery/", "");
         let pace: Map<String, Value> =
             ["steps_per_frame", "lost_time"].iter().filter_map(|name| stages.remove_entry(*name)).collect();
@@ -64,6 +70,8 @@ impl Measures {
             "organs_ready_ms": rounded(self.organs_ready.as_secs_f64() * 1e3),
             "stage_ms": stages,
             "pace": pace,
+            // Its last state: it counts from the start.
+            "servo": last("servo/"),
             "pass_ms": spans("render/", "/elapsed_gpu"),
             "pass_encoding_ms": spans("render/", "/elapsed_cpu"),
             "bytes_uploaded_per_frame": quantile(&self.uploaded_bytes, 0.5),

@@ -32,6 +32,8 @@
 mod act;
 mod contact;
 mod force;
+#[cfg(feature = "render")]
+mod input;
 mod pose;
 mod rig;
 mod session;
@@ -45,8 +47,10 @@ pub use contact::{
     ToolTouched, sweep,
 };
 pub use force::{BodyForce, ToolForce};
+#[cfg(feature = "render")]
+pub use input::{GamepadHand, MouseHand};
 pub use pose::{ToolCommand, ToolLimits, ToolMotion, ToolPlace, ToolPose};
-pub use rig::{RigFrame, ToolRig};
+pub use rig::{RigFrame, ToolClutch, ToolRig};
 pub use session::{
     DeviceControl, DeviceRefused, Devices, HoldDevice, SenseDevices, ServoFaulted, ServoReading, ServoSession,
     ToolControls,
@@ -110,7 +114,9 @@ impl Plugin for ToolsPlugin {
         pose::build(app);
         contact::build(app);
         act::build(app);
-        app.register_type::<ToolRig>().register_type::<RigFrame>();
+        app.register_type::<ToolRig>().register_type::<ToolClutch>().register_type::<RigFrame>();
         session::build(app);
+        #[cfg(feature = "render")]
+        input::build(app);
     }
 }

@@ -30,12 +30,13 @@ pub struct ToolRig {
     pub force_scale: f32,
     /// Where the middle of the tip is in the handle's axes, scene metres.
     pub tip_in_handle_m: Vec3,
-    clutch: Clutch,
+    /// What the clutch has done so far.
+    pub clutch: ToolClutch,
 }
 
-/// What the clutch has done.
+/// What the clutch of a [`ToolRig`] has done.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Reflect, Serialize, Deserialize)]
-struct Clutch {
+pub struct ToolClutch {
     /// Where the handle was when it was pressed, device space.
     held_at_m: Option<DVec3>,
     /// By how much the workspace was moved so far, in the frame.
@@ -53,7 +54,7 @@ impl Default for ToolRig {
             scale: 1.0,
             force_scale: 1.0,
             tip_in_handle_m: Vec3::ZERO,
-            clutch: Clutch::default(),
+            clutch: ToolClutch::default(),
         }
     }
 }

@@ -177,7 +177,7 @@ impl ServoEngine {
             self.tell(fault);
         }
         self.state.force_in_device_n = DVec3::ZERO;
-        self.state.is_over = true;
+        (self.state.is_over, self.state.is_held) = (true, false);
         self.states.publish(self.state);
     }
 
@@ -263,9 +263,12 @@ impl Hand {
         let rig = self.follow_rig(scene);
         let handle = self.tracking.sample().copied();
         state.is_tracked = handle.is_some();
+        // Also with the clutch held: its button is in there.
+        state.sample = handle.unwrap_or(state.sample);
         (state.scene_time_s, state.rig_revision) = (scene.time_s, scene.rig.revision);
         (state.dropped_samples, state.jumps) = (self.tracking.dropped(), self.tracking.jumps());
         let is_held = scene.rig.is_engaged && self.silent_s.is_finite();
+        state.is_held = is_held && handle.is_some() && rig.is_some();
         let (Some(handle), Some(rig), true) = (handle, rig, is_held) else {
             self.release();
             state.force_in_world_n = DVec3::ZERO;
@@ -275,7 +278,6 @@ impl Hand {
             state.force_state = self.safety.state(false);
             return DeviceOutput::default();
         };
-        state.sample = handle;
         let rotation = (rig.rotation * handle.device_from_handle).normalize();
         let tip_m = rig.place(handle.position_m) + rotation * scene.tool.tip_in_handle_m;
         let velocity = rig.rotation * (self.tracking.velocity_m_per_s() * rig.scale);

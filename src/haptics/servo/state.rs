@@ -39,6 +39,9 @@ pub struct ServoState {
     pub sample: DeviceSample,
     /// Whether the device knows where its handle is.
     pub is_tracked: bool,
+    /// Whether the hand moves the tool: not before the first scene, and not while a clutch is held. Where the tool is below is of
+    /// the last time when it did.
+    pub is_held: bool,
     /// Where the hand has the tool's tip, world, metres.
     pub tip_in_world_m: DVec3,
     /// Where the tip is shown: outside of what is solid.

@@ -45,7 +45,7 @@ pub(super) fn read_devices(
             rig.hold_clutch(is_clutched, state.sample.position_m);
         }
         // While the clutch is held, and until the loop knows where it has led, the tool stays where it was.
-        let is_led = is_held && !is_clutched && state.rig_revision == rig.revision();
+        let is_led = is_held && state.is_held && !is_clutched && state.rig_revision == rig.revision();
         if is_led {
             let tip_m = pressed_in(&state, &session.device.limits, |body| bodies.contains(body));
             let placed = ToolPose::at(tip_m.as_vec3(), state.world_from_tool.as_quat());
