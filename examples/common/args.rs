@@ -63,6 +63,10 @@ pub struct Args {
     /// Follow the camera's path of this file.
     #[arg(long, value_name = "FILE", conflicts_with = "record")]
     pub replay: Option<PathBuf>,
+    /// Hold the instrument with a device, for instance hand:mouse, hand:gamepad, haply, openhaptics, force_dimension, spacemouse or
+    /// replay:FILE; a second one holds that of the left hand. `list` tells which there are.
+    #[arg(long, value_name = "ID")]
+    pub device: Vec<String>,
     /// An organ of your own: OBJ, STL, PLY, glTF or GLB; closed and without handles.
     #[arg(long, value_name = "PATH")]
     pub mesh: Option<PathBuf>,

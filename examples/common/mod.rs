@@ -1,6 +1,8 @@
 //! What all examples share: their arguments, the window or the headless run, and `report.json`.
 
 mod args;
+#[allow(dead_code, reason = "not every example has instruments")]
+mod devices;
 mod recording;
 mod report;
 mod run;
@@ -9,6 +11,8 @@ mod volumes;
 
 #[allow(unused_imports, reason = "not every example uses every part")]
 pub use args::{Args, Backend, Script};
+#[allow(unused_imports, reason = "not every example uses every part")]
+pub use devices::hold_device;
 #[allow(unused_imports, reason = "not every example uses every part")]
 pub use run::{Pictures, Stage, Viewer, main_with, organ};
 #[allow(unused_imports, reason = "not every example uses every part")]

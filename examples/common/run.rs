@@ -1,7 +1,7 @@
 //! Runs an example in a window, or headless.
 
 use super::args::{Args, Backend};
-use super::{recording, report::Measures, volumes};
+use super::{devices, recording, report::Measures, volumes};
 use bevy::asset::{AssetLoadError, LoadState, UnapprovedPathMode};
 use bevy::camera::RenderTarget;
 use bevy::pbr::PbrPlugin;
@@ -63,7 +63,13 @@ pub fn main_with(
     count: impl FnOnce(&mut World) -> Map<String, Value>,
 ) -> ExitCode {
     let args = Args::parse();
-    let ran = if args.backend == Some(Backend::Cpu) {
+    let add = |app: &mut App| {
+        devices::build(app);
+        add(app);
+    };
+    let ran = if args.device.iter().any(|id| id == "list") {
+        devices::list()
+    } else if args.backend == Some(Backend::Cpu) {
         run_models(&args, name, add, count)
     } else if graphics_adapters().is_empty() {
         Err("no Vulkan, Metal or DirectX driver was found: run script/bootstrap, or use --backend cpu".into())

@@ -1,6 +1,6 @@
 //! The scripted run: marks, burns, punctures, presses and a lifted edge, always the same.
 
-use crate::instruments::{Held, Instrument};
+use crate::instruments::{self, Held, Instrument};
 use bevy::prelude::*;
 use bevy_surgery::prelude::*;
 
@@ -33,7 +33,7 @@ const LIFT: (f32, f32, f32) = (550.0, 600.0, 0.03);
 const PUNCTURES: (u32, u32) = (440, 6);
 
 pub fn build(app: &mut App) {
-    app.add_systems(FixedUpdate, perform.in_set(SurgerySystems::Sense));
+    app.add_systems(FixedUpdate, perform.before(instruments::hold).in_set(SurgerySystems::Sense));
 }
 
 fn perform(

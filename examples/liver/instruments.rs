@@ -1,12 +1,13 @@
-//! Simple instruments for the example: a probe, an electrode, a needle and a grasper at the end of a ray.
+//! Instruments for the example: a probe, an electrode, a needle and a grasper, held along the mouse's ray or by a device.
 
-use crate::common::{Args, Script, Stage, Viewer};
+use crate::common::{Args, Script, Stage, Viewer, hold_device};
 use bevy::camera::visibility::RenderLayers;
 use bevy::input::mouse::{AccumulatedMouseScroll, MouseScrollUnit};
 use bevy::prelude::*;
 use bevy::window::PrimaryWindow;
 use bevy_panorbit_camera::PanOrbitCamera;
 use bevy_surgery::prelude::*;
+use bevy_surgery::tools::{SenseDevices, ServoReading};
 
 /// The organ that is operated on.
 #[derive(Component)]
@@ -27,6 +28,19 @@ pub enum Instrument {
     Grasper,
 }
 
+impl Instrument {
+    fn kind(self) -> ToolKind {
+        let electrodes = |coagulation| ToolKind::CauteryHook(Electrodes { coagulation, ..default() });
+        match self {
+            Self::Probe => ToolKind::Probe,
+            Self::Coagulation(power_w) => electrodes(Cautery::coagulate(power_w)),
+            Self::Cut(power_w) => electrodes(Cautery::cut(power_w)),
+            Self::Needle => ToolKind::BiopsyNeedle(Wound::default()),
+            Self::Grasper => ToolKind::Grasper(Jaws::default()),
+        }
+    }
+}
+
 /// What the mouse or the script does.
 #[derive(Resource)]
 pub struct Held {
@@ -38,64 +52,40 @@ pub struct Held {
     pub is_on: bool,
     /// How far the grasper is lifted, metres.
     pub lift_m: f32,
-    was_on: bool,
-    contact: Option<OrganHit>,
     /// Where the organ was met as the instrument was switched on.
     began: Option<OrganHit>,
     /// How deep the probe is beyond that, metres.
     depth_m: f32,
-    /// Middle of the instrument's tip, where it does not follow from the contact.
-    tip_m: Option<Vec3>,
 }
 
 impl Default for Held {
     fn default() -> Self {
-        Self {
-            instrument: Instrument::Probe,
-            ray: None,
-            is_on: false,
-            lift_m: 0.0,
-            was_on: false,
-            contact: None,
-            began: None,
-            depth_m: 0.0,
-            tip_m: None,
-        }
+        Self { instrument: Instrument::Probe, ray: None, is_on: false, lift_m: 0.0, began: None, depth_m: 0.0 }
     }
 }
 
-/// The rod that is seen.
+/// The instrument, and the rod that is seen of it.
 #[derive(Component)]
-struct Shaft;
+pub struct Shaft;
 
 const SHAFT_RADIUS_M: f32 = 0.0022;
 const SHAFT_LENGTH_M: f32 = 0.2;
 const DENT_DEPTH_M: f32 = 0.007;
-/// The grasper's jaws: what they hold, and how hard.
-const JAWS_RADIUS_M: f32 = 0.01;
-const GRIP_N: f32 = 12.0;
 
 pub fn build(app: &mut App) {
     app.init_resource::<Held>()
         .add_systems(Startup, spawn_shaft)
         .add_systems(PreUpdate, soften)
-        .add_systems(FixedUpdate, (touch, press).chain().in_set(SurgerySystems::Touch))
-        .add_systems(Update, (place_shaft, tell));
+        .add_systems(FixedUpdate, hold.after(SenseDevices).in_set(SurgerySystems::Sense))
+        .add_systems(Update, (show_shaft, tell));
     let is_played = app.world().resource::<Stage>().viewer == Viewer::Person
         && app.world().resource::<Args>().script == Script::None;
     if is_played {
-        app.add_systems(Update, follow_mouse);
+        app.add_systems(Update, (choose, follow_mouse));
     }
 }
 
-fn follow_mouse(
-    mut held: ResMut<Held>,
-    keys: Res<ButtonInput<KeyCode>>,
-    buttons: Res<ButtonInput<MouseButton>>,
-    wheel: Res<AccumulatedMouseScroll>,
-    windows: Query<&Window, With<PrimaryWindow>>,
-    mut cameras: Query<(&Camera, &GlobalTransform, &mut PanOrbitCamera), With<Endoscope>>,
-) {
+fn choose(mut held: ResMut<Held>, keys: Res<ButtonInput<KeyCode>>) {
     for (key, instrument) in [
         (KeyCode::Digit1, Instrument::Probe),
         (KeyCode::Digit2, Instrument::Coagulation(30.0)),
@@ -107,6 +97,16 @@ fn follow_mouse(
             held.instrument = instrument;
         }
     }
+}
+
+fn follow_mouse(
+    mut held: ResMut<Held>,
+    keys: Res<ButtonInput<KeyCode>>,
+    buttons: Res<ButtonInput<MouseButton>>,
+    wheel: Res<AccumulatedMouseScroll>,
+    windows: Query<&Window, With<PrimaryWindow>>,
+    mut cameras: Query<(&Camera, &GlobalTransform, &mut PanOrbitCamera), With<Endoscope>>,
+) {
     let cursor = windows.iter().next().and_then(Window::cursor_position);
     held.is_on = buttons.pressed(MouseButton::Left);
     let holds = held.is_on && held.instrument == Instrument::Grasper;
@@ -123,32 +123,60 @@ fn follow_mouse(
     held.lift_m += 0.0006 * arrows + 0.003 * turned;
 }
 
-/// Finds where the ray meets the organ, and does there what the instrument does.
-fn touch(
+type Tools<'w, 's> =
+    Query<'w, 's, (&'static mut Tool, &'static mut ToolPose, &'static mut ToolCommand, Has<ServoReading>), With<Shaft>>;
+
+/// Holds the instrument where the ray meets the organ, unless a device holds it.
+pub fn hold(
     mut held: ResMut<Held>,
     picking: OrganPicking,
     patients: Query<(), With<Patient>>,
-    mut touches: MessageWriter<OrganTouch>,
+    scopes: Query<&GlobalTransform, With<Endoscope>>,
+    mut tools: Tools,
+    time: Res<Time>,
 ) {
-    held.contact = held.ray.and_then(|ray| picking.cast_ray_at(ray, 1.0, |organ| patients.contains(organ)));
-    let is_thrust = held.is_on && !held.was_on;
-    held.was_on = held.is_on;
+    let Ok((mut tool, mut pose, mut command, is_device)) = tools.single_mut() else { return };
+    let kind = held.instrument.kind();
+    if tool.kind != kind {
+        *tool = Tool::new(kind);
+    }
+    if is_device {
+        return;
+    }
+    let contact = held.ray.and_then(|ray| picking.cast_ray_at(ray, 1.0, |organ| patients.contains(organ)));
     if !held.is_on {
         held.began = None;
         (held.lift_m, held.depth_m) = (0.0, 0.0);
     } else if held.began.is_none() {
-        held.began = held.contact;
+        held.began = contact;
     }
-    let Some(hit) = held.contact.filter(|_| held.is_on) else { return };
-    let action = match held.instrument {
-        Instrument::Probe => ReactionAction::Press { pressure: 1.0, radius_m: 0.016 },
-        Instrument::Coagulation(power_w) => ReactionAction::Cauterize(Cautery::coagulate(power_w)),
-        Instrument::Cut(power_w) => ReactionAction::Cauterize(Cautery::cut(power_w)),
-        Instrument::Grasper => return,
-        Instrument::Needle if is_thrust => ReactionAction::Wound(Wound::default()),
-        Instrument::Needle => return,
-    };
-    touches.write(OrganTouch { organ: hit.organ, point: hit.point, instrument: 0, action });
+    // Along the ray: the normal of a surface that gives way turns with it.
+    let lift_m = if held.is_on { 0.3e-3 } else { 0.006 };
+    let lifted = |hit: OrganHit| Some(hit.position_world_m - held.ray?.direction * lift_m);
+    let on_surface = contact.and_then(lifted);
+    let tip_m = pressed_in(&mut held, &scopes, time.delta_secs()).or(on_surface);
+    let share = f32::from(u8::from(held.is_on && tip_m.is_some()));
+    *command = ToolCommand { pedal: share, grip: share, ..default() };
+    *pose = tip_m.map_or_else(ToolPose::default, |tip_m| ToolPose::with_shaft_towards(tip_m, back_of(tip_m)));
+}
+
+/// Where a probe is pushed into the organ, and where a grasper holds it.
+fn pressed_in(held: &mut Held, scopes: &Query<&GlobalTransform, With<Endoscope>>, dt_s: f32) -> Option<Vec3> {
+    let (began, ray) = (held.began.filter(|_| held.is_on)?, held.ray?);
+    let (at, outward) = (began.position_world_m, began.normal_world);
+    let in_plane =
+        |normal| ray.intersect_plane(at, InfinitePlane3d::new(normal)).map(|distance| ray.get_point(distance));
+    match held.instrument {
+        Instrument::Probe => {
+            // It slides along the surface as it was met, and goes deeper than that.
+            let share = 1.0 - (-dt_s / 0.12).exp();
+            held.depth_m += (DENT_DEPTH_M - held.depth_m) * share;
+            Some(in_plane(outward).unwrap_or(at) + outward * (SHAFT_RADIUS_M - held.depth_m))
+        }
+        // It moves in the plane through where it took hold that faces the camera.
+        Instrument::Grasper => Some(in_plane(*scopes.iter().next()?.back()).unwrap_or(at) + Vec3::Y * held.lift_m),
+        _ => None,
+    }
 }
 
 type Stiff = (Entity, &'static Organ, &'static OrganShape);
@@ -188,44 +216,6 @@ fn soften(
     Ok(())
 }
 
-/// Pushes the probe into the organ, and lifts what the grasper holds.
-fn press(
-    mut held: ResMut<Held>,
-    time: Res<Time>,
-    scopes: Query<&GlobalTransform, With<Endoscope>>,
-    mut presses: MessageWriter<PressBody>,
-    mut grasps: MessageWriter<GraspBody>,
-) {
-    held.tip_m = None;
-    let (Some(began), Some(ray)) = (held.began.filter(|_| held.is_on), held.ray) else { return };
-    let (at, outward, body) = (began.position_world_m, began.normal_world, began.organ);
-    match held.instrument {
-        Instrument::Probe => {
-            // It slides along the surface as it was met, and goes deeper than that.
-            let share = 1.0 - (-time.delta_secs() / 0.12).exp();
-            held.depth_m += (DENT_DEPTH_M - held.depth_m) * share;
-            let along = ray.intersect_plane(at, InfinitePlane3d::new(outward)).map(|distance| ray.get_point(distance));
-            let tip_m = along.unwrap_or(at) + outward * (SHAFT_RADIUS_M - held.depth_m);
-            let shape = ToolShape::Capsule { tip_m, back_m: back_of(tip_m), radius_m: SHAFT_RADIUS_M };
-            presses.write(PressBody { body, tool: 0, shape, friction: 0.1 });
-            held.tip_m = Some(tip_m);
-        }
-        Instrument::Grasper => {
-            // It moves in the plane through where it took hold that faces the camera.
-            let Some(eye) = scopes.iter().next() else { return };
-            let plane = InfinitePlane3d::new(*eye.back());
-            let along = ray.intersect_plane(at, plane).map(|distance| ray.get_point(distance));
-            let position_world_m = along.unwrap_or(at) + Vec3::Y * held.lift_m;
-            let rotation_world = Quat::IDENTITY;
-            let (radius_m, grip_force_n, friction) = (JAWS_RADIUS_M, GRIP_N, 0.8);
-            let tool = 1;
-            grasps.write(GraspBody { body, tool, position_world_m, rotation_world, radius_m, grip_force_n, friction });
-            held.tip_m = Some(position_world_m);
-        }
-        _ => {}
-    }
-}
-
 /// The other end of a shaft: instruments come in through the abdominal wall on the right.
 fn back_of(tip_m: Vec3) -> Vec3 {
     tip_m + (Vec3::new(0.13, 0.17, 0.14) - tip_m).normalize_or(Vec3::Y) * SHAFT_LENGTH_M
@@ -233,9 +223,12 @@ fn back_of(tip_m: Vec3) -> Vec3 {
 
 fn spawn_shaft(
     mut commands: Commands,
+    args: Res<Args>,
     meshes: Option<ResMut<Assets<Mesh>>>,
     materials: Option<ResMut<Assets<StandardMaterial>>>,
 ) {
+    let tool = commands.spawn((Shaft, Name::new("instrument"), Tool::new(ToolKind::Probe))).id();
+    hold_device(&mut commands, tool, &args, ToolHand::Right);
     // Without a renderer there is nothing to see.
     let (Some(mut meshes), Some(mut materials)) = (meshes, materials) else { return };
     let steel = StandardMaterial {
@@ -244,13 +237,13 @@ fn spawn_shaft(
         perceptual_roughness: 0.35,
         ..default()
     };
-    commands.spawn((
-        Shaft,
-        Mesh3d(meshes.add(Capsule3d::new(SHAFT_RADIUS_M, SHAFT_LENGTH_M))),
-        MeshMaterial3d(materials.add(steel)),
-        RenderLayers::layer(1),
-        Visibility::Hidden,
-    ));
+    // From the tip back along Z.
+    let back = Transform::from_xyz(0.0, 0.0, 0.5 * SHAFT_LENGTH_M)
+        .with_rotation(Quat::from_rotation_x(std::f32::consts::FRAC_PI_2));
+    let rod = Mesh3d(meshes.add(Capsule3d::new(SHAFT_RADIUS_M, SHAFT_LENGTH_M)));
+    commands.entity(tool).insert(Visibility::Hidden).with_children(|tool| {
+        tool.spawn((rod, MeshMaterial3d(materials.add(steel)), back, RenderLayers::layer(1)));
+    });
     let lamp = PointLight { intensity: 1500.0, range: 2.0, ..default() };
     commands.spawn((lamp, Transform::from_xyz(-0.05, 0.2, 0.25), RenderLayers::layer(1)));
 }
@@ -265,18 +258,10 @@ fn tell(mut slipped: MessageReader<GraspSlipped>, mut torn: MessageReader<Tissue
     }
 }
 
-/// Holds the rod by its tip.
-fn place_shaft(held: Res<Held>, mut shafts: Query<(&mut Transform, &mut Visibility), With<Shaft>>) {
-    for (mut transform, mut visibility) in &mut shafts {
-        let lift_m = if held.is_on { 0.4 * SHAFT_RADIUS_M } else { 0.006 };
-        let on_surface = held.contact.map(|hit| hit.position_world_m + hit.normal_world * lift_m);
-        let Some(tip) = held.tip_m.or(on_surface) else {
-            *visibility = Visibility::Hidden;
-            continue;
-        };
-        *visibility = Visibility::Inherited;
-        let back = back_of(tip);
-        transform.translation = tip.midpoint(back);
-        transform.rotation = Quat::from_rotation_arc(Vec3::Y, (back - tip).normalize_or(Vec3::Y));
+/// Shows the rod while it is held.
+fn show_shaft(mut shafts: Query<(&ToolMotion, &mut Visibility), With<Shaft>>) {
+    for (motion, mut visibility) in &mut shafts {
+        let shown = if motion.to.is_some() { Visibility::Inherited } else { Visibility::Hidden };
+        visibility.set_if_neq(shown);
     }
 }

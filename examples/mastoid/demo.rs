@@ -40,7 +40,7 @@ const SUCKS: [(u32, u32); 3] = [(240, 270), (470, 560), (600, 640)];
 const VEIN: (u32, u32) = (445, 540);
 
 pub fn build(app: &mut App) {
-    app.add_systems(FixedUpdate, perform.in_set(SurgerySystems::Sense));
+    app.add_systems(FixedUpdate, perform.before(crate::drill::hold).in_set(SurgerySystems::Sense));
 }
 
 fn perform(

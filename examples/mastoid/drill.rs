@@ -3,16 +3,17 @@
 use crate::Patient;
 use bevy::prelude::*;
 use bevy_surgery::prelude::*;
+use bevy_surgery::tools::{SenseDevices, ServoReading};
 use bevy_surgery::volume::critical::CriticalDistances;
 use bevy_surgery::volume::cut::{Burr, BurrPose, BurrShape};
-use bevy_surgery::volume::{CtVolume, DrillVolume, Volume, VolumePicking, VoxelsRemoved};
+use bevy_surgery::volume::{CtVolume, Volume, VolumePicking, VoxelsRemoved};
 
 /// Least and greatest force, newtons.
 pub const FORCES_N: [f32; 2] = [0.5, 5.0];
 /// Distance of a critical structure from the burr's surface below which there is a warning, millimetres.
 pub const WARNING_MM: f32 = 2.0;
 
-/// The drill, as the mouse or the script holds it.
+/// The drill, as the mouse or the script wants it held; with a device in the hand, as that holds it.
 #[derive(Resource)]
 pub struct Drill {
     pub burr: Burr,
@@ -26,8 +27,11 @@ pub struct Drill {
     pub is_on: bool,
     /// Where the burr is, in the world; none while it is away.
     pub pose: Option<BurrPose>,
-    was_on: bool,
 }
+
+/// The tool in the right hand.
+#[derive(Component)]
+pub struct RightHand;
 
 /// Along which line a burr is brought to the bone, and how the drill is held.
 #[derive(Clone, Copy)]
@@ -64,19 +68,38 @@ pub fn build(app: &mut App) {
         aim: None,
         is_on: false,
         pose: None,
-        was_on: false,
     })
     .init_resource::<Danger>()
-    .add_systems(FixedUpdate, (touch.in_set(SurgerySystems::Touch), watch.in_set(SurgerySystems::Judge)));
+    .add_systems(
+        FixedUpdate,
+        (hold.after(SenseDevices).in_set(SurgerySystems::Sense), watch.in_set(SurgerySystems::Judge)),
+    );
 }
 
-/// Moves the burr to where it is aimed at, and drills there if the drill is on.
-pub fn touch(mut drill: ResMut<Drill>, picking: VolumePicking, mut strokes: MessageWriter<DrillVolume>) {
+type Held = (&'static mut Tool, &'static mut ToolPose, &'static mut ToolCommand, &'static mut ToolForce);
+
+/// Holds the drill where it is aimed at and presses it there, unless a device holds it.
+pub fn hold(
+    mut drill: ResMut<Drill>,
+    picking: VolumePicking,
+    mut tools: Query<(Held, Option<&ServoReading>), With<RightHand>>,
+) {
+    let Ok(((mut tool, mut pose, mut command, mut force), device)) = tools.single_mut() else { return };
+    let head = DrillHead { burr: drill.burr, full_speed_rpm: drill.speed_rpm, ..default() };
+    if tool.kind != ToolKind::Drill(head) {
+        *tool = Tool::new(ToolKind::Drill(head));
+    }
+    if let Some(device) = device {
+        let place = pose.place;
+        drill.pose = pose.is_tracked.then(|| BurrPose { centre_m: place.tip_in_world_m, axis: place.back_in_world() });
+        (drill.is_on, drill.force_n) = (command.pedal > 0.0, device.state.burr.force_n as f32);
+        return;
+    }
     let before = drill.pose.take();
-    let was_on = std::mem::replace(&mut drill.was_on, false);
+    *pose = ToolPose::default();
     let Some(aim) = drill.aim else { return };
     let radius_m = 0.5 * drill.burr.diameter_m;
-    let Some((volume, distance_m)) = rest_on_bone(&picking, aim.ray, radius_m) else { return };
+    let Some(distance_m) = rest_on_bone(&picking, aim.ray, radius_m) else { return };
     // The harder it is pressed, the farther a burr that turns is ahead of what it has removed.
     let depth_m = if drill.is_on { 0.5 * radius_m * drill.force_n / FORCES_N[1] } else { 0.0 };
     let wanted_m = aim.ray.get_point(distance_m + depth_m);
@@ -85,26 +108,17 @@ pub fn touch(mut drill: ResMut<Drill>, picking: VolumePicking, mut strokes: Mess
     let centre_m = near.map_or(wanted_m, |near| near.centre_m.lerp(wanted_m, 0.35));
     let axis = free_shaft(&picking, centre_m, radius_m, &aim);
     let axis = near.and_then(|near| near.axis.lerp(axis, 0.2).try_normalize()).unwrap_or(axis);
-    let pose = BurrPose { centre_m, axis };
-    drill.pose = Some(pose);
-    drill.was_on = drill.is_on;
-    if drill.is_on {
-        strokes.write(DrillVolume {
-            volume,
-            tool: None,
-            burr: drill.burr,
-            from_world: near.filter(|_| was_on).unwrap_or(pose),
-            to_world: pose,
-            force_n: drill.force_n,
-            speed_rpm: drill.speed_rpm,
-            begins_stroke: !was_on,
-        });
+    drill.pose = Some(BurrPose { centre_m, axis });
+    if before.is_none() || near.is_some() {
+        *pose = ToolPose::with_shaft_towards(centre_m, centre_m + axis);
     }
+    command.pedal = f32::from(u8::from(drill.is_on));
+    *force = ToolForce { drilling_n: Some(drill.force_n), is_known: true, ..default() };
 }
 
-/// Moves a ball along a ray until it touches bone: the volume, and how far its middle gets. Rays beside the middle one find
+/// Moves a ball along a ray until it touches bone: how far its middle gets. Rays beside the middle one find
 /// the rim of a hole that is narrower than the ball.
-fn rest_on_bone(picking: &VolumePicking, ray: Ray3d, radius_m: f32) -> Option<(Entity, f32)> {
+fn rest_on_bone(picking: &VolumePicking, ray: Ray3d, radius_m: f32) -> Option<f32> {
     let (right, up) = ray.direction.any_orthonormal_pair();
     let rings = [(0.0, 1), (0.5, 6), (0.87, 8)];
     let offsets = rings.into_iter().flat_map(|(share, count)| {
@@ -113,9 +127,9 @@ fn rest_on_bone(picking: &VolumePicking, ray: Ray3d, radius_m: f32) -> Option<(E
     let touches = offsets.filter_map(|(share, to): (f32, Vec2)| {
         let beside = (right * to.x + up * to.y) * share * radius_m;
         let hit = picking.cast_ray(Ray3d::new(ray.origin + beside, ray.direction), 10.0)?;
-        Some((hit.volume, hit.distance_m - radius_m * (1.0 - share * share).sqrt()))
+        Some(hit.distance_m - radius_m * (1.0 - share * share).sqrt())
     });
-    touches.min_by(|a, b| a.1.total_cmp(&b.1))
+    touches.min_by(f32::total_cmp)
 }
 
 /// How a tool is held so that its shaft does not go through bone: steeper in a narrow cavity, down to the line of sight.

@@ -1,12 +1,13 @@
 //! The other hand: a suction-irrigator beside the burr, and the pool that it fills.
 
-use crate::common::{Args, Backend};
+use crate::common::{Args, Backend, hold_device};
 use crate::drill::{Aim, Drill, free_shaft};
 use crate::tool;
 use bevy::camera::visibility::RenderLayers;
 use bevy::prelude::*;
 use bevy_surgery::pool::{BleedingControl, Pool, PoolBackend, PoolState, SuctionIrrigator, TreatBleeders, WaterBudget};
 use bevy_surgery::prelude::*;
+use bevy_surgery::tools::ServoReading;
 
 /// How far from the burr's surface the tip is held, and in which direction, seen from the microscope: to the left and below.
 const BESIDE_M: f32 = 1.2e-3;
@@ -36,7 +37,7 @@ pub struct Tube;
 pub fn build(app: &mut App) {
     app.insert_resource(OtherHand { is_irrigating: true, is_sucking: false, seals: false, tip: None })
         .add_systems(Startup, spawn_tube)
-        .add_systems(FixedUpdate, hold_tube.in_set(SurgerySystems::Touch).after(crate::drill::touch))
+        .add_systems(FixedUpdate, hold_tube.in_set(SurgerySystems::Sense).after(crate::drill::hold))
         .add_systems(Update, show_tube);
 }
 
@@ -55,11 +56,15 @@ pub fn add_pool(commands: &mut Commands, volume: Entity, place: &Transform, scal
 
 fn spawn_tube(
     mut commands: Commands,
+    args: Res<Args>,
     meshes: Option<ResMut<Assets<Mesh>>>,
     materials: Option<ResMut<Assets<StandardMaterial>>>,
 ) {
-    let place = (Tube, SuctionIrrigator::default(), Transform::from_xyz(0.0, 0.0, 1.0));
+    let tool = Tool::new(ToolKind::SuctionIrrigator).in_hand(ToolHand::Left);
+    let place =
+        (Tube, Name::new("suction-irrigator"), tool, SuctionIrrigator::default(), Transform::from_xyz(0.0, 0.0, 1.0));
     let tube = commands.spawn(place).id();
+    hold_device(&mut commands, tube, &args, ToolHand::Left);
     // Without a renderer there is nothing to see.
     let (Some(mut meshes), Some(mut materials)) = (meshes, materials) else { return };
     let pipe = [(0.55, 0.0), (0.9, 0.0), (1.0, 0.4), (1.15, 30.0)];
@@ -79,16 +84,29 @@ fn spawn_tube(
     }
 }
 
-/// Holds the tip beside the burr, over the bone there.
+type Held = (&'static mut ToolPose, &'static mut ToolCommand, &'static mut SuctionIrrigator, Has<ServoReading>);
+
+/// Holds the tip beside the burr, over the bone there, unless a device holds it.
 fn hold_tube(
     drill: Res<Drill>,
     mut hand: ResMut<OtherHand>,
     picking: VolumePicking,
     eyes: Query<&GlobalTransform, With<Microscope>>,
-    mut tubes: Query<(&mut Transform, &mut SuctionIrrigator), With<Tube>>,
+    mut tubes: Query<Held, With<Tube>>,
     mut treatments: MessageWriter<TreatBleeders>,
 ) {
-    let (Some(eye), Ok((mut place, mut tube))) = (eyes.iter().next(), tubes.single_mut()) else { return };
+    let (Some(eye), Ok((mut pose, mut command, mut tube, is_device))) = (eyes.iter().next(), tubes.single_mut()) else {
+        return;
+    };
+    let irrigation_ml_s = if hand.is_irrigating { SuctionIrrigator::default().irrigation_ml_s } else { 0.0 };
+    if tube.irrigation_ml_s != irrigation_ml_s {
+        tube.irrigation_ml_s = irrigation_ml_s;
+    }
+    if is_device {
+        hand.is_sucking = command.pedal >= ToolCommand::DOWN;
+        hand.tip = pose.is_tracked.then(|| (pose.place.tip_in_world_m, pose.place.back_in_world()));
+        return;
+    }
     if let Some(pose) = drill.pose {
         let view = eye.rotation();
         let beside_m = pose.centre_m + view * (BESIDE * (0.5 * drill.burr.diameter_m + BESIDE_M)).extend(0.0);
@@ -109,13 +127,8 @@ fn hold_tube(
         }
     }
     let Some((tip_m, to_hand)) = hand.tip else { return };
-    *place = Transform::from_translation(tip_m).looking_to(-to_hand, Vec3::Y);
-    let wanted = SuctionIrrigator {
-        irrigation_ml_s: if hand.is_irrigating { SuctionIrrigator::default().irrigation_ml_s } else { 0.0 },
-        is_sucking: hand.is_sucking,
-        ..*tube
-    };
-    tube.set_if_neq(wanted);
+    *pose = ToolPose::with_shaft_towards(tip_m, tip_m + to_hand);
+    command.pedal = f32::from(u8::from(hand.is_sucking));
 }
 
 fn show_tube(hand: Res<OtherHand>, mut tubes: Query<&mut Visibility, With<Tube>>) {

@@ -1,16 +1,13 @@
 //! How the drill looks.
 
-use crate::drill::Drill;
+use crate::common::{Args, hold_device};
+use crate::drill::{Drill, RightHand};
 use bevy::asset::RenderAssetUsages;
 use bevy::camera::visibility::RenderLayers;
 use bevy::mesh::{Indices, PrimitiveTopology};
 use bevy::prelude::*;
 use bevy_surgery::prelude::*;
 use bevy_surgery::volume::cut::{Burr, BurrKind, BurrShape};
-
-/// The drill that is seen; its origin is the middle of the burr, its shaft goes up along Y.
-#[derive(Component)]
-struct Handpiece;
 
 /// The burr at its end.
 #[derive(Component)]
@@ -20,14 +17,17 @@ struct BurrHead;
 const TURN_PER_STEP_RAD: f32 = 1.1;
 
 pub fn build(app: &mut App) {
-    app.add_systems(Startup, spawn_drill).add_systems(Update, (change_burr, place_drill));
+    app.add_systems(Startup, spawn_drill).add_systems(Update, (change_burr, show_drill));
 }
 
 fn spawn_drill(
     mut commands: Commands,
+    args: Res<Args>,
     meshes: Option<ResMut<Assets<Mesh>>>,
     materials: Option<ResMut<Assets<StandardMaterial>>>,
 ) {
+    let drill = commands.spawn((RightHand, Name::new("drill"), Tool::new(ToolKind::Drill(DrillHead::default())))).id();
+    hold_device(&mut commands, drill, &args, ToolHand::Right);
     // Without a renderer there is nothing to see.
     let (Some(mut meshes), Some(mut materials)) = (meshes, materials) else { return };
     // Radius and height of the shaft, millimetres: a thin neck, the collar, the handle.
@@ -43,16 +43,14 @@ fn spawn_drill(
         ..default()
     };
     let steel = MeshMaterial3d(materials.add(steel));
-    let drill = commands.spawn((
-        Handpiece,
-        Transform::default(),
-        Visibility::Hidden,
-        children![(BurrHead, Transform::default(), Visibility::default(), ToolShadow, RenderLayers::layer(1))],
-    ));
-    let drill = drill.id();
-    for piece in pieces {
-        commands.spawn((Mesh3d(piece), steel.clone(), ToolShadow, RenderLayers::layer(1), ChildOf(drill)));
-    }
+    // Its shaft goes up along Y, a tool's back along Z.
+    let upright = Transform::from_rotation(Quat::from_rotation_x(std::f32::consts::FRAC_PI_2));
+    commands.entity(drill).insert(Visibility::Hidden).with_children(|drill| {
+        drill.spawn((BurrHead, upright, Visibility::default(), ToolShadow, RenderLayers::layer(1)));
+        for piece in pieces {
+            drill.spawn((Mesh3d(piece), steel.clone(), upright, ToolShadow, RenderLayers::layer(1)));
+        }
+    });
 }
 
 /// Turns an outline of radii and heights in millimetres about the Y axis.
@@ -129,19 +127,15 @@ fn revolve(outline: &[Vec2], groove: f32) -> Mesh {
         .scaled_by(Vec3::splat(1e-3))
 }
 
-/// Holds the drill where the burr is.
-fn place_drill(
+/// Shows the drill while it is held, and turns its burr.
+fn show_drill(
     drill: Res<Drill>,
-    mut handles: Query<(&mut Transform, &mut Visibility), With<Handpiece>>,
-    mut heads: Query<&mut Transform, (With<BurrHead>, Without<Handpiece>)>,
+    mut handles: Query<&mut Visibility, With<RightHand>>,
+    mut heads: Query<&mut Transform, With<BurrHead>>,
 ) {
-    for (mut transform, mut visibility) in &mut handles {
+    for mut visibility in &mut handles {
         let shown = if drill.pose.is_some() { Visibility::Inherited } else { Visibility::Hidden };
         visibility.set_if_neq(shown);
-        if let Some(pose) = drill.pose {
-            let rotation = Quat::from_rotation_arc(Vec3::Y, pose.axis.normalize_or(Vec3::Y));
-            transform.set_if_neq(Transform { translation: pose.centre_m, rotation, ..default() });
-        }
     }
     if drill.is_on && drill.pose.is_some() {
         heads.iter_mut().for_each(|mut head| head.rotate_local_y(TURN_PER_STEP_RAD));

@@ -59,7 +59,7 @@ pub use state::ToolState;
 pub use tool::{DrillHead, Electrodes, Jaws, Tool, ToolGeometry, ToolHand, ToolKind};
 pub use work::ToolWork;
 
-use crate::deform::elastic::{GraspBody, GraspSlipped, PressBody, TissueTorn};
+use crate::deform::elastic::{BodyContact, GraspBody, GraspSlipped, PressBody, TissueTorn};
 use crate::organ::OrganModel;
 use crate::pool::TreatBleeders;
 use crate::reactions::OrganTouch;
@@ -94,7 +94,8 @@ impl Plugin for ToolsPlugin {
                 .run_if(has_bodies),
         );
         // Whatever plugin is left out, what is written to it goes nowhere.
-        app.add_message::<OrganTouch>()
+        app.add_message::<BodyContact>()
+            .add_message::<OrganTouch>()
             .add_message::<PressBody>()
             .add_message::<GraspBody>()
             .add_message::<GraspSlipped>()

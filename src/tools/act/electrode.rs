@@ -7,7 +7,7 @@ use crate::pool::{BleedingControl, TreatBleeders};
 use crate::reactions::burn::Cautery;
 use crate::reactions::{OrganTouch, ReactionAction, ReactionModel};
 use crate::tools::state::ToolState;
-use crate::tools::{ContactMatter, Tool, ToolCommand, ToolContacts, ToolKind, ToolMotion, ToolWork};
+use crate::tools::{ContactMatter, Tool, ToolCommand, ToolContacts, ToolKind, ToolMotion, ToolPart, ToolWork};
 use bevy::prelude::*;
 
 /// Power at which it is as loud as it gets, watts.
@@ -48,7 +48,8 @@ pub(super) fn burn(
         }
         let mut does = ToolWork::Idle;
         if let (Some((cautery, coagulates)), Some(place)) = (power(tool, state), motion.to) {
-            for contact in &contacts.list {
+            // The shaft is insulated.
+            for contact in contacts.list.iter().filter(|contact| contact.part == ToolPart::Tip) {
                 let heat = (cautery.power_w / LOUDEST_W).clamp(0.0, 1.0) as f32;
                 match contact.matter {
                     ContactMatter::Organ { point, .. } => {

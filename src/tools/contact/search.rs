@@ -3,11 +3,12 @@
 use super::bodies::{OrganBody, Placed, VolumeBody};
 use super::sweep::{Solid, sweep};
 use super::{Contact, NEAR_M, ToolContacts, ToolPart};
+use crate::deform::elastic::{BodyContact, ElasticBody};
 use crate::haptics::force::SurfaceFeel;
 use crate::organ::pick::OrganPicker;
 use crate::organ::{Hollow, Organ, OrganModel, OrganShape};
 use crate::tools::pose::ToolPlace;
-use crate::tools::{Tool, ToolForce, ToolMotion};
+use crate::tools::{Tool, ToolForce, ToolMotion, tool_number};
 use crate::volume::{CtVolume, CutVolume, DeformedVolume, PickedVolume, Volume};
 use bevy::ecs::system::SystemParam;
 use bevy::math::DVec3;
@@ -44,6 +45,7 @@ pub(in crate::tools) struct Bodies<'w, 's> {
     models: Res<'w, Assets<OrganModel>>,
     volumes: Query<'w, 's, VolumeParts>,
     assets: Res<'w, Assets<Volume>>,
+    soft: Query<'w, 's, (), With<ElasticBody>>,
 }
 
 /// Ends of a part of a tool at a place; a ball has both at one.
@@ -63,15 +65,29 @@ fn ends(tool: &Tool, part: ToolPart, place: &ToolPlace) -> Option<([DVec3; 2], f
     }
 }
 
-type Touching = (&'static Tool, &'static ToolMotion, &'static ToolForce, &'static mut ToolContacts);
+type Touching = (Entity, &'static Tool, &'static ToolMotion, &'static ToolForce, &'static mut ToolContacts);
 
 /// Finds the contacts of every tool.
-pub(in crate::tools) fn find_contacts(mut tools: Query<Touching>, bodies: Bodies) {
-    for (tool, motion, force, mut contacts) in &mut tools {
+pub(in crate::tools) fn find_contacts(
+    mut tools: Query<Touching>,
+    bodies: Bodies,
+    mut answers: MessageReader<BodyContact>,
+) {
+    let answers: Vec<BodyContact> = answers.read().copied().collect();
+    for (entity, tool, motion, force, mut contacts) in &mut tools {
+        let number = tool_number(entity);
         let before = std::mem::take(&mut contacts.bypass_change_detection().list);
         let was_near = !contacts.near.is_empty();
         contacts.bypass_change_detection().near.clear();
-        let mut search = Search { tool, motion, force, before: &before, contacts: contacts.bypass_change_detection() };
+        let known_n = |body: Entity| {
+            // A soft body gives way: what it answered last says more than how deep the tool is in its surface.
+            let of_tool = answers.iter().filter(|answer| answer.body == body && answer.tool == number);
+            let answered_n = of_tool.map(|answer| answer.force_world_n).sum::<Vec3>().length();
+            let is_soft = bodies.soft.contains(body);
+            force.of_body_n(body).or(is_soft.then_some(answered_n))
+        };
+        let mut search =
+            Search { tool, motion, known_n, before: &before, contacts: contacts.bypass_change_detection() };
         if tool.is_solid() && motion.to.is_some() {
             for (entity, picker, shape, organ, transform, is_hollow, feel) in &bodies.organs {
                 let model = bodies.models.get(&organ.0).filter(|model| shape.is_of(model));
@@ -98,18 +114,19 @@ pub(in crate::tools) fn find_contacts(mut tools: Query<Touching>, bodies: Bodies
     }
 }
 
-struct Search<'a> {
+struct Search<'a, F> {
     tool: &'a Tool,
     motion: &'a ToolMotion,
-    force: &'a ToolForce,
+    /// The force of a body, where it is known.
+    known_n: F,
     before: &'a [Contact],
     contacts: &'a mut ToolContacts,
 }
 
-impl Search<'_> {
+impl<F: Fn(Entity) -> Option<f32>> Search<'_, F> {
     fn touch(&mut self, body: Entity, solid: &impl Solid, feel: &SurfaceFeel) {
         let Some(to) = &self.motion.to else { return };
-        let known_n = self.force.of_body_n(body);
+        let known_n = (self.known_n)(body);
         for part in [ToolPart::Tip, ToolPart::Shaft] {
             let Some((to_m, radius_m)) = ends(self.tool, part, to) else { continue };
             let from_m = self.motion.from.and_then(|from| ends(self.tool, part, &from)).map(|(ends_m, _)| ends_m);
