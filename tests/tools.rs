@@ -6,6 +6,8 @@ mod acts;
 mod contacts;
 #[path = "tools/devices.rs"]
 mod devices;
+#[path = "tools/drilling.rs"]
+mod drilling;
 #[path = "tools/sessions.rs"]
 mod sessions;
 
@@ -14,7 +16,7 @@ use bevy::prelude::*;
 use bevy_surgery::prelude::*;
 use bevy_surgery::testing::TestApp;
 use bevy_surgery::volume::cut::{Burr, BurrKind, BurrShape};
-use glam::DVec3;
+use glam::{DVec2, DVec3};
 
 /// A ball of an organ around the origin, metres.
 const RADIUS_M: f32 = 0.05;

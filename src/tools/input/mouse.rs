@@ -7,7 +7,7 @@ use crate::tools::{RigFrame, Tool, ToolRig};
 use crate::volume::VolumePicking;
 use bevy::ecs::system::SystemParam;
 use bevy::input::mouse::{AccumulatedMouseScroll, MouseScrollUnit};
-use bevy::math::DVec3;
+use bevy::math::{DQuat, DVec3};
 use bevy::prelude::*;
 use bevy::window::PrimaryWindow;
 
@@ -24,13 +24,17 @@ pub struct MouseHand {
     pub per_notch_m: f32,
     /// How fast the hand goes at most, scene metres per second: a cursor jumps, a hand does not.
     pub most_m_per_s: f32,
+    /// How the tool is turned in the device's space: it points along -Z of its own axes.
+    pub device_from_handle: Quat,
     /// What the wheel has moved so far, towards the scene, scene metres. A push begins without it.
     pub wheel_m: f32,
 }
 
 impl Default for MouseHand {
+    /// Held by the right hand, from below.
     fn default() -> Self {
-        Self { hover_m: 3e-3, push_m: 8e-3, per_notch_m: 1e-3, most_m_per_s: 0.4, wheel_m: 0.0 }
+        let device_from_handle = Quat::from_rotation_arc(Vec3::Z, Vec3::new(0.55, -0.5, 0.67).normalize());
+        Self { hover_m: 3e-3, push_m: 8e-3, per_notch_m: 1e-3, most_m_per_s: 0.4, device_from_handle, wheel_m: 0.0 }
     }
 }
 
@@ -83,7 +87,9 @@ pub(super) fn move_hand(
     }
     let cursor = windows.iter().next().and_then(Window::cursor_position);
     let ray = cursor.and_then(|at| camera.viewport_to_world(eye, at).ok());
-    let mut sample = DeviceSample { buttons: pressed, ..devices.mouse.sample() };
+    let turned = settings.device_from_handle.normalize().as_dquat();
+    let device_from_handle = if turned.is_finite() { turned } else { DQuat::IDENTITY };
+    let mut sample = DeviceSample { buttons: pressed, device_from_handle, ..devices.mouse.sample() };
     if let Some(ray) = ray {
         let middle_m = rig.centre_in_frame_m.length();
         let over_m = || under.distance_m(ray).unwrap_or(middle_m) - tool.tip_radius_m() - settings.hover_m;
