@@ -47,6 +47,7 @@ pub mod reactions;
 pub mod render;
 pub mod schedule;
 pub mod skin;
+pub mod sound;
 pub mod testing;
 pub mod tools;
 #[cfg(feature = "render")]
@@ -88,6 +89,7 @@ pub mod prelude {
     pub use crate::schedule::{SurgerySchedulePlugin, SurgerySystems};
     pub use crate::skin::tiles::TileOptions;
     pub use crate::skin::{OrganPreset, Skin, SkinPlugin, TileSource};
+    pub use crate::sound::{SoundPlugin, ToolSound};
     pub use crate::tools::{
         Contact, ContactMatter, ContactPhase, DrillHead, Electrodes, Jaws, Tool, ToolCommand, ToolContacts, ToolForce,
         ToolGeometry, ToolHand, ToolKind, ToolMotion, ToolPart, ToolPlace, ToolPose, ToolTouched, ToolWork,
@@ -138,6 +140,7 @@ use bevy::app::{PluginGroup, PluginGroupBuilder};
 /// | [`VolumePlugin`](volume::VolumePlugin) | [`CtVolume`](volume::CtVolume), [`LoadVolume`](volume::LoadVolume), [`DrillVolume`](volume::DrillVolume) | schedule; render to be seen |
 /// | [`PoolPlugin`](pool::PoolPlugin) | [`Pool`](pool::Pool), [`SuctionIrrigator`](pool::SuctionIrrigator), [`Bleeder`](pool::Bleeder) | schedule, volume; render to be seen |
 /// | [`ToolsPlugin`](tools::ToolsPlugin) | instruments | schedule |
+/// | [`SoundPlugin`](sound::SoundPlugin) | [`ToolSound`](sound::ToolSound) | tools; feature `sound` and Bevy's `AudioPlugin` to be heard |
 /// | [`SurgeryViewPlugin`](view::SurgeryViewPlugin) (feature `render`) | [`Endoscope`](view::Endoscope), [`Microscope`](view::Microscope), [`ScopeLight`](view::ScopeLight), [`ScopeMask`](view::ScopeMask), [`StereoPair`](view::StereoPair), [`MonitorView`](view::MonitorView), [`ToolShadows`](view::ToolShadows) | render |
 pub struct SurgeryPlugins;
 
@@ -155,7 +158,8 @@ impl PluginGroup for SurgeryPlugins {
             .add(highlights::HighlightsPlugin)
             .add(volume::VolumePlugin)
             .add(pool::PoolPlugin)
-            .add(tools::ToolsPlugin);
+            .add(tools::ToolsPlugin)
+            .add(sound::SoundPlugin);
         #[cfg(feature = "render")]
         let group = group.add(view::SurgeryViewPlugin);
         group

@@ -40,6 +40,7 @@ mod skin_library;
 mod skin_pass;
 mod skin_texture;
 mod skin_tiles;
+mod sound;
 mod support;
 mod tools;
 mod view;
