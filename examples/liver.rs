@@ -17,6 +17,7 @@ use bevy::prelude::*;
 use bevy_panorbit_camera::{PanOrbitCamera, PanOrbitCameraPlugin};
 use bevy_surgery::organ::procedural_ellipsoid;
 use bevy_surgery::prelude::*;
+use bevy_surgery::sound::ears_at_field;
 use common::{Args, Script, Stage, Viewer};
 use instruments::Patient;
 use std::process::ExitCode;
@@ -76,6 +77,7 @@ fn setup(
         // The instruments' own light is on layer 1, so that it does not light the organ a second time.
         RenderLayers::from_layers(&[0, 1]),
         stage.target.clone(),
+        ears_at_field(0.2 * nearness),
         Transform::from_translation(Vec3::new(0.0, 0.09, 0.18) * nearness).looking_at(Vec3::ZERO, Vec3::Y),
     ));
     if stage.viewer == Viewer::Person && args.script == Script::None {

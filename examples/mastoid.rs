@@ -31,6 +31,7 @@ use bevy::camera::visibility::RenderLayers;
 use bevy::prelude::*;
 use bevy_panorbit_camera::{PanOrbitCamera, PanOrbitCameraPlugin};
 use bevy_surgery::prelude::*;
+use bevy_surgery::sound::ears_at_field;
 use bevy_surgery::volume::{CtVolume, CutVolume, RemovedTissue, Volume, WatchCritical};
 use common::{Args, Chosen, Script, Stage, Viewer};
 use drill::Danger;
@@ -103,6 +104,7 @@ fn setup(mut commands: Commands, args: Res<Args>, stage: Res<Stage>, mut volumes
         // The drill's own light is on layer 1, so that it does not light the bone a second time.
         RenderLayers::from_layers(&[0, 1]),
         stage.target.clone(),
+        ears_at_field(Microscope::default().working_distance_m),
         Transform::from_xyz(0.0, 0.0, Microscope::default().working_distance_m),
         // On both layers, because the drill casts its shadow from here.
         children![

@@ -227,7 +227,7 @@ fn spawn_shaft(
     meshes: Option<ResMut<Assets<Mesh>>>,
     materials: Option<ResMut<Assets<StandardMaterial>>>,
 ) {
-    let tool = commands.spawn((Shaft, Name::new("instrument"), Tool::new(ToolKind::Probe))).id();
+    let tool = commands.spawn((Shaft, Name::new("instrument"), Tool::new(ToolKind::Probe), ToolSound::default())).id();
     hold_device(&mut commands, tool, &args, ToolHand::Right);
     // Without a renderer there is nothing to see.
     let (Some(mut meshes), Some(mut materials)) = (meshes, materials) else { return };

@@ -63,7 +63,7 @@ fn spawn_tube(
     let tool = Tool::new(ToolKind::SuctionIrrigator).in_hand(ToolHand::Left);
     let place =
         (Tube, Name::new("suction-irrigator"), tool, SuctionIrrigator::default(), Transform::from_xyz(0.0, 0.0, 1.0));
-    let tube = commands.spawn(place).id();
+    let tube = commands.spawn((place, ToolSound { seed: 1, ..default() })).id();
     hold_device(&mut commands, tube, &args, ToolHand::Left);
     // Without a renderer there is nothing to see.
     let (Some(mut meshes), Some(mut materials)) = (meshes, materials) else { return };

@@ -26,7 +26,9 @@ fn spawn_drill(
     meshes: Option<ResMut<Assets<Mesh>>>,
     materials: Option<ResMut<Assets<StandardMaterial>>>,
 ) {
-    let drill = commands.spawn((RightHand, Name::new("drill"), Tool::new(ToolKind::Drill(DrillHead::default())))).id();
+    let drill = commands
+        .spawn((RightHand, Name::new("drill"), Tool::new(ToolKind::Drill(DrillHead::default())), ToolSound::default()))
+        .id();
     hold_device(&mut commands, drill, &args, ToolHand::Right);
     // Without a renderer there is nothing to see.
     let (Some(mut meshes), Some(mut materials)) = (meshes, materials) else { return };
