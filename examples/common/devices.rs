@@ -38,14 +38,15 @@ pub fn hold_device(commands: &mut Commands, tool: Entity, args: &Args, hand: Too
     }
 }
 
-/// Lays workspaces around the middle of the scene, as the camera sees it; under a microscope hands move less.
+/// Lays workspaces before the middle of the scene, as the camera sees it, so that hands begin outside of everything; under a
+/// microscope they move less.
 fn rig_tools(
     mut tools: Query<&mut ToolRig, Added<ServoSession>>,
     cameras: Query<(Entity, &Transform, Has<Microscope>), Or<(With<Endoscope>, With<Microscope>)>>,
 ) {
     let Some((camera, place, is_microscope)) = cameras.iter().next() else { return };
     for mut rig in &mut tools {
-        let scale = if is_microscope { 0.4 } else { 1.0 };
-        *rig = ToolRig { scale, ..ToolRig::before_camera(camera, place.translation.length()) };
+        let (scale, share) = if is_microscope { (0.4, 0.85) } else { (1.0, 0.55) };
+        *rig = ToolRig { scale, ..ToolRig::before_camera(camera, share * place.translation.length()) };
     }
 }

@@ -43,8 +43,8 @@ mod work;
 
 pub use act::tool_number;
 pub use contact::{
-    Contact, ContactEvents, ContactMatter, ContactPhase, NEAR_M, Near, Solid, SweptTouch, ToolContacts, ToolPart,
-    ToolTouched, sweep,
+    Contact, ContactEvents, ContactMatter, ContactPhase, NEAR_M, Near, Solid, Swept, SweptTouch, ToolContacts,
+    ToolPart, ToolTouched, sweep,
 };
 pub use force::{BodyForce, ToolForce};
 #[cfg(feature = "render")]

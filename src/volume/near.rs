@@ -78,7 +78,9 @@ impl VolumePicker {
         let volume_from_voxel = self.volume_from_voxel();
         let edges_m =
             [volume_from_voxel.matrix3.x_axis, volume_from_voxel.matrix3.y_axis, volume_from_voxel.matrix3.z_axis];
-        let diagonal_m = edges_m.iter().map(|edge| edge.length()).sum::<f64>();
+        let [a, b, c] = edges_m;
+        let diagonal_m =
+            [a + b + c, a + b - c, a - b + c, a - b - c].map(DVec3::length).into_iter().fold(0.0, f64::max);
         // The surface may be a voxel nearer than the middle of the voxel that makes it.
         let reach_m = max_distance_m + 0.5 * diagonal_m;
         let ends = ends_m.map(|end| self.voxel_from_volume.transform_point3(end));
@@ -92,7 +94,7 @@ impl VolumePicker {
         let voxels =
             VoxelBox { min: low.ceil().max(DVec3::ZERO).as_uvec3(), max: (high.floor().min(last) + 1.0).as_uvec3() };
         let (first, end) = (voxels.min / BLOCK_SIDE, (voxels.max - 1) / BLOCK_SIDE + 1);
-        let half_block_m = 0.5 * f64::from(BLOCK_SIDE) * edges_m.iter().map(|edge| edge.length()).sum::<f64>();
+        let half_block_m = 0.5 * f64::from(BLOCK_SIDE) * diagonal_m;
         let mut near: Vec<(f64, UVec3)> = Vec::new();
         for z in first.z..end.z {
             for y in first.y..end.y {
@@ -124,6 +126,14 @@ impl VolumePicker {
             for z in min.z..max.z {
                 for y in min.y..max.y {
                     let row = self.grid.index(UVec3::new(0, y, z));
+                    // No voxel of the row is nearer than its middle less half of its length.
+                    let middle = DVec3::new(f64::from(min.x + max.x - 1) * 0.5, y.into(), z.into());
+                    let middle_m = volume_from_voxel.transform_point3(middle);
+                    let at_least_m =
+                        on_segment(middle_m, ends_m).distance(middle_m) - 0.5 * f64::from(BLOCK_SIDE) * a.length();
+                    if at_least_m > best.map_or(reach_m, |(distance_m, _)| distance_m) {
+                        continue;
+                    }
                     for x in min.x..max.x {
                         let (voxel, filled) = (UVec3::new(x, y, z), solid[row + x as usize]);
                         if f64::from(filled) < SURFACE * 255.0 {

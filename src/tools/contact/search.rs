@@ -14,8 +14,10 @@ use bevy::ecs::system::SystemParam;
 use bevy::math::DVec3;
 use bevy::prelude::*;
 
-/// How deep in a body a part is still held by it, metres: new contacts, and those that last.
-const DEEP_M: [f64; 2] = [NEAR_M, 0.1];
+/// How far around a part is looked, metres: the tip, and a shaft.
+const SEARCH_M: [f64; 2] = [NEAR_M, 2e-3];
+/// How deep in an organ a part may be whose contact lasts, metres. Nobody is deep in bone.
+const DEEP_M: f64 = 0.1;
 /// Forces reckoned by depth grow no further, newtons.
 const MOST_FORCE_N: f64 = 20.0;
 
@@ -93,7 +95,7 @@ pub(in crate::tools) fn find_contacts(
                 let model = bodies.models.get(&organ.0).filter(|model| shape.is_of(model));
                 let (Some(model), Some(placed)) = (model, Placed::new(transform.affine())) else { continue };
                 let body = OrganBody { placed, picker, surface: model.surface(shape), is_hollow };
-                search.touch(entity, &body, feel.unwrap_or(&SurfaceFeel::LIVER));
+                search.touch(entity, &body, feel.unwrap_or(&SurfaceFeel::LIVER), DEEP_M);
             }
             for (entity, PickedVolume(picker), cut, source, transform, deformed, feel) in &bodies.volumes {
                 let Some(volume) = bodies.assets.get(&source.0).filter(|volume| volume.grid().size == cut.size())
@@ -103,7 +105,7 @@ pub(in crate::tools) fn find_contacts(
                 let Some(placed) = Placed::new(transform.affine()) else { continue };
                 let lattice = deformed.map(|deformed| (deformed.lattice(), volume.grid()));
                 let body = VolumeBody { placed, picker, cut, lattice };
-                search.touch(entity, &body, feel.unwrap_or(&SurfaceFeel::BONE));
+                search.touch(entity, &body, feel.unwrap_or(&SurfaceFeel::BONE), 0.0);
             }
             search.contacts.list.sort_by_key(|contact| (contact.body, contact.part));
             search.contacts.near.sort();
@@ -124,19 +126,20 @@ struct Search<'a, F> {
 }
 
 impl<F: Fn(Entity) -> Option<f32>> Search<'_, F> {
-    fn touch(&mut self, body: Entity, solid: &impl Solid, feel: &SurfaceFeel) {
+    fn touch(&mut self, body: Entity, solid: &impl Solid, feel: &SurfaceFeel, deep_m: f64) {
         let Some(to) = &self.motion.to else { return };
         let known_n = (self.known_n)(body);
         for part in [ToolPart::Tip, ToolPart::Shaft] {
             let Some((to_m, radius_m)) = ends(self.tool, part, to) else { continue };
             let from_m = self.motion.from.and_then(|from| ends(self.tool, part, &from)).map(|(ends_m, _)| ends_m);
             let lasts = self.before.iter().any(|contact| contact.body == body && contact.part == part);
-            let touched = sweep(solid, from_m, to_m, radius_m, DEEP_M[usize::from(lasts)]);
-            let is_near = touched.is_some() || solid.nearest(to_m, radius_m + NEAR_M).is_some();
+            let search_m = if lasts { deep_m.max(SEARCH_M[part as usize]) } else { SEARCH_M[part as usize] };
+            let swept = sweep(solid, from_m, to_m, radius_m, search_m);
+            let is_near = swept.touch.is_some() || swept.gap_m.is_some_and(|gap_m| gap_m <= NEAR_M);
             if is_near && !self.contacts.near.contains(&body) {
                 self.contacts.near.push(body);
             }
-            let Some(touch) = touched else { continue };
+            let Some(touch) = swept.touch else { continue };
             // A part that is measured together with the other one has the whole force where it is alone.
             let force_n = match known_n {
                 Some(known_n) => known_n,
