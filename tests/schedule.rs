@@ -76,7 +76,8 @@ fn ambiguities(app: &mut SubApp) -> BTreeMap<String, usize> {
 /// Bevy's plugins with or without ours; both worlds' open orders.
 fn both_worlds(add: impl FnOnce(&mut App)) -> [BTreeMap<String, usize>; 2] {
     let mut app = App::new();
-    app.add_plugins(headless_render_plugins()).add_plugins(bevy::pbr::PbrPlugin::default());
+    app.add_plugins(headless_render_plugins())
+        .add_plugins((bevy::pbr::PbrPlugin::default(), bevy::audio::AudioPlugin::default()));
     add(&mut app);
     app.finish();
     app.cleanup();

@@ -99,7 +99,7 @@ pub(super) fn add_to(app: &mut App) {
         .add_audio_source::<VoiceSource<super::SuctionVoice>>()
         .add_audio_source::<VoiceSource<super::CauteryVoice>>()
         .add_audio_source::<VoiceSource<ToolVoice>>()
-        .add_systems(PostUpdate, speak.before(TransformSystems::Propagate));
+        .add_systems(Update, speak);
 }
 
 /// The voice of a tool: an entity of its own, so that it can die away where the tool is gone at once.

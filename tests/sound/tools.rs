@@ -1,6 +1,6 @@
 //! Tools that are heard: the ECS side. Machines without a device that plays run these too, and hear as little.
 
-use bevy::audio::{AudioPlayer, AudioPlugin, Decodable, PlaybackSettings, SpatialListener};
+use bevy::audio::{AudioPlayer, AudioPlugin, Decodable, GlobalVolume, PlaybackSettings, SpatialListener, Volume};
 use bevy::prelude::*;
 use bevy_surgery::sound::{ToolSound, ToolVoice, VoiceSource, ears_at_field};
 use bevy_surgery::testing::TestApp;
@@ -10,7 +10,8 @@ const DRILLING: ToolWork = ToolWork::Drilling { speed_rpm: 40_000.0, force_n: 1.
 
 fn app() -> TestApp {
     let mut app = TestApp::cpu();
-    app.add_plugins(AudioPlugin::default());
+    // Nobody who runs the tests needs to hear them.
+    app.add_plugins(AudioPlugin { global_volume: GlobalVolume::new(Volume::Linear(0.0)), ..default() });
     app
 }
 
