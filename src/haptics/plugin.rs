@@ -19,6 +19,7 @@ impl Plugin for HapticsPlugin {
             .register_type::<safety::ForceState>()
             .register_type::<safety::SafetySettings>()
             .register_type::<servo::ServoContact>()
+            .register_type::<servo::ServoFault>()
             .register_type::<servo::ServoRig>()
             .register_type::<servo::ServoSettings>()
             .register_type::<servo::ServoState>()

@@ -42,10 +42,7 @@ mod tool;
 mod work;
 
 pub use act::tool_number;
-pub use contact::{
-    Contact, ContactEvents, ContactMatter, ContactPhase, NEAR_M, Near, Solid, Swept, SweptTouch, ToolContacts,
-    ToolPart, ToolTouched, sweep,
-};
+pub use contact::{Contact, ContactEvents, ContactMatter, ContactPhase, NEAR_M, ToolContacts, ToolPart, ToolTouched};
 pub use force::{BodyForce, ToolForce};
 #[cfg(feature = "render")]
 pub use input::{GamepadHand, MouseHand};

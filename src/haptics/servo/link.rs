@@ -3,11 +3,12 @@
 use super::{ServoScene, ServoState};
 use crate::haptics::device::DeviceFault;
 use crate::haptics::exchange::{Publisher, Subscriber};
+use bevy::reflect::Reflect;
 use std::sync::mpsc::Receiver;
 use thiserror::Error;
 
 /// What went wrong in the loop.
-#[derive(Clone, Debug, PartialEq, Error)]
+#[derive(Clone, Debug, PartialEq, Error, Reflect)]
 pub enum ServoFault {
     /// The device.
     #[error("{0}")]

@@ -20,15 +20,14 @@ pub(super) fn build(app: &mut App) {
         FixedUpdate,
         (
             take_commands,
-            (
-                press::press_organs,
-                press::press_bodies,
-                jaws::bite,
-                jaws::grasp,
-                electrode::burn,
-                drill::drill,
-                suction::suck,
-            ),
+            // What jaws hold is not pressed.
+            jaws::grasp,
+            press::press_organs,
+            press::press_bodies,
+            jaws::bite,
+            electrode::burn,
+            drill::drill,
+            suction::suck,
         )
             .chain()
             .in_set(TouchTools::Act),

@@ -7,7 +7,6 @@ mod search;
 mod sweep;
 
 pub use events::{ContactEvents, ContactPhase, ToolTouched};
-pub use sweep::{Near, Solid, Swept, SweptTouch, sweep};
 
 use super::TouchTools;
 use crate::organ::SurfacePoint;

@@ -8,34 +8,34 @@ use bevy::math::DVec3;
 
 /// The nearest place of a body to a segment, in the world.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Near {
+pub(super) struct Near {
     /// How far the segment's place is over the surface, metres; below 0 inside.
-    pub height_m: f64,
+    pub(super) height_m: f64,
     /// The place on the surface, metres.
-    pub point_m: DVec3,
+    pub(super) point_m: DVec3,
     /// The place on the segment, metres.
-    pub on_segment_m: DVec3,
+    pub(super) on_segment_m: DVec3,
     /// Unit normal out of the body.
-    pub normal: DVec3,
+    pub(super) normal: DVec3,
     /// What is there.
-    pub matter: ContactMatter,
+    pub(super) matter: ContactMatter,
 }
 
 /// A body that can say where it is nearest.
-pub trait Solid {
+pub(super) trait Solid {
     /// The nearest place of its surface to a segment, at most so far away; inside it the depth counts as distance.
     fn nearest(&self, ends_m: [DVec3; 2], max_distance_m: f64) -> Option<Near>;
 }
 
 /// A touch during a step.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct SweptTouch {
+pub(super) struct SweptTouch {
     /// Where.
-    pub near: Near,
+    pub(super) near: Near,
     /// How far the rod is behind the surface when the step ends, metres; not below 0.
-    pub depth_m: f64,
+    pub(super) depth_m: f64,
     /// After what share of the step it touched first.
-    pub share: f64,
+    pub(super) share: f64,
 }
 
 /// Looks along a way at most so often; at a grazing wall each look gets less far.
@@ -45,16 +45,22 @@ const TOUCH_M: f64 = 1e-6;
 
 /// What is known of a rod and a body after a step.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct Swept {
+pub(super) struct Swept {
     /// The touch, if there is one.
-    pub touch: Option<SweptTouch>,
+    pub(super) touch: Option<SweptTouch>,
     /// How far the rod is from the surface in the end, metres, where that is within the search.
-    pub gap_m: Option<f64>,
+    pub(super) gap_m: Option<f64>,
 }
 
 /// Moves a rod of a radius from where its ends were to where they are, along straight lines. `search_m` is how far around the rod is
 /// looked: how deep in a body a rod may be that touched it before, and up to where gaps are told of.
-pub fn sweep(solid: &impl Solid, from_m: Option<[DVec3; 2]>, to_m: [DVec3; 2], radius_m: f64, search_m: f64) -> Swept {
+pub(super) fn sweep(
+    solid: &impl Solid,
+    from_m: Option<[DVec3; 2]>,
+    to_m: [DVec3; 2],
+    radius_m: f64,
+    search_m: f64,
+) -> Swept {
     let way = |from_m: [DVec3; 2]| from_m[0].distance(to_m[0]).max(from_m[1].distance(to_m[1]));
     let travel_m = from_m.map_or(0.0, way);
     // What was touched on the way is no further from the end than the way is long.

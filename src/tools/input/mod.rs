@@ -7,7 +7,7 @@ pub use gamepad::GamepadHand;
 pub use mouse::MouseHand;
 
 use super::session::Devices;
-use bevy::input::InputSystems;
+use bevy::app::{RunFixedMainLoop, RunFixedMainLoopSystems};
 use bevy::prelude::*;
 
 pub(super) fn build(app: &mut App) {
@@ -17,12 +17,12 @@ pub(super) fn build(app: &mut App) {
         .register_type::<GamepadHand>()
         .add_message::<bevy::input::gamepad::GamepadRumbleRequest>()
         .add_systems(
-            PreUpdate,
+            RunFixedMainLoop,
             (
                 mouse::move_hand.run_if(resource_exists::<ButtonInput<MouseButton>>),
                 (gamepad::move_hand, gamepad::rumble).chain(),
             )
-                .after(InputSystems)
+                .in_set(RunFixedMainLoopSystems::BeforeFixedMainLoop)
                 .run_if(resource_exists::<Devices>),
         );
 }

@@ -64,7 +64,7 @@ pub struct ServoReading {
 
 /// Something went wrong in the servo loop of a tool. Written in
 /// [`SurgerySystems::Sense`], once per fault; also told in the log.
-#[derive(Message, Clone, Debug, PartialEq)]
+#[derive(Message, Clone, Debug, PartialEq, Reflect)]
 pub struct ServoFaulted {
     /// The tool.
     pub tool: Entity,
@@ -128,6 +128,7 @@ pub(super) fn build(app: &mut App) {
     app.register_type::<ServoReading>()
         .register_type::<ToolControls>()
         .register_type::<DeviceControl>()
+        .register_type::<ServoFaulted>()
         .add_message::<ServoFaulted>()
         .add_systems(FixedUpdate, read::read_devices.in_set(SenseDevices).in_set(SurgerySystems::Sense));
     publish::build(app);
