@@ -91,7 +91,7 @@ fn write(
         (None, Some(DeviceRefused(fault))) => format!("no device: {fault}"),
         (None, None) => "the device is being opened".into(),
     };
-    let object = format!("{object:?}, {:.0} % of its hardness", 100.0 * hardness.0);
+    let object = format!("{:?}, {:.0} % of its hardness", *object, 100.0 * hardness.0);
     let said = format!("{device}\n\n{}\n{}\n{object}", of_loop(&reading.state), of_hand(&reading.state, &reached));
     if text.0 != said {
         text.0 = said;
@@ -151,7 +151,7 @@ fn of_hand(state: &ServoState, reached: &Reached) -> String {
     let [low, high] = reached.extent_m.unwrap_or([sample.position_m; 2]);
     let grip = sample.grip_rad.map_or(String::new(), |grip| format!(", grip {:.0} degrees", grip.to_degrees()));
     format!(
-        "handle {}, trembles {:.2} mm\nbeen from {} to {}\nbuttons {:b}, pedals {:.2} {:.2}{grip}\n",
+        "handle {}, spread over the last second {:.2} mm\nbeen from {} to {}\nbuttons {:b}, pedals {:.2} {:.2}{grip}\n",
         mm(sample.position_m),
         reached.tremble_m() * 1e3,
         mm(low),

@@ -15,6 +15,9 @@ const HALF_VOXELS: [f64; 2] = [8.0, 24.0];
 /// A patch is made anew when the tip has moved by this share of what it holds beyond it.
 const STRAY_SHARE: f64 = 0.35;
 
+/// A ball does not feel what is much finer than itself: its surface is made of voxels of up to this share of its radius.
+const COARSEST_SHARE: f64 = 0.35;
+
 /// What was told of volumes.
 #[derive(Default)]
 pub(super) struct BonePatches(BTreeMap<Entity, Told>);
@@ -87,7 +90,10 @@ impl BonePatches {
         let grid = bone.picker.grid();
         let axes = world_from_voxel.matrix3;
         let voxel_m = axes.x_axis.length().min(axes.y_axis.length()).min(axes.z_axis.length()).max(1e-6);
-        let half = ((tip_radius_m + BEYOND_M) / voxel_m).ceil().clamp(HALF_VOXELS[0], HALF_VOXELS[1]);
+        // A burr that turns takes away whole voxels, and feels them.
+        let stride = if with_surface { (tip_radius_m * COARSEST_SHARE / voxel_m).floor().clamp(1.0, 8.0) } else { 1.0 };
+        let half =
+            ((tip_radius_m + BEYOND_M) / (voxel_m * stride)).ceil().clamp(HALF_VOXELS[0], HALF_VOXELS[1]) * stride;
         let stray = (half - tip_radius_m / voxel_m).max(2.0) * STRAY_SHARE;
         let lattice = bone.lattice.map_or(0, |(_, revision)| revision);
         let cut = (bone.cut.lineage(), bone.cut.revision());
@@ -115,7 +121,7 @@ impl BonePatches {
         let min = low.max(DVec3::ZERO).as_uvec3();
         let max = (low + 2.0 * half + 2.0).min(bounds).as_uvec3();
         let voxels = VoxelBox { min, max };
-        let patch = brick(bone, voxels, world_from_voxel).map(|brick| {
+        let patch = brick(bone, voxels, world_from_voxel, stride as u32).map(|brick| {
             Arc::new(if with_surface {
                 BonePatch::new(brick, bone.feel)
             } else {
@@ -141,7 +147,7 @@ impl BonePatches {
 
 /// Voxels of a box, with what is left of them; none where that is nothing. Where the box reaches the grid's side, a layer of air
 /// around it closes the surface.
-fn brick(bone: &Bone, of: VoxelBox, world_from_voxel: DAffine3) -> Option<BoneBrick> {
+fn brick(bone: &Bone, of: VoxelBox, world_from_voxel: DAffine3, stride: u32) -> Option<BoneBrick> {
     let (grid, structures) = (bone.picker.grid(), bone.picker.structures());
     let (size, margin) = (of.size(), UVec3::ONE);
     let mut left = vec![0; of.count()];
@@ -172,6 +178,61 @@ fn brick(bone: &Bone, of: VoxelBox, world_from_voxel: DAffine3) -> Option<BoneBr
     for (label, structure) in (1..=255_usize).zip(structures.list()) {
         hardness[label] = structure.hardness;
     }
-    let offset = of.min.as_dvec3() - margin.as_dvec3();
-    BoneBrick::new(padded, solid, label, hardness, world_from_voxel * DAffine3::from_translation(offset))
+    let world_from_brick = world_from_voxel * DAffine3::from_translation(of.min.as_dvec3() - margin.as_dvec3());
+    let (size, solid, label, map) = coarser(padded, solid, label, stride);
+    BoneBrick::new(size, solid, label, hardness, world_from_brick * map)
+}
+
+/// Voxels joined to larger ones: how full these are in the mean, the label in their middle, and the map from their coordinates.
+fn coarser(size: UVec3, solid: Vec<u8>, label: Vec<u8>, stride: u32) -> (UVec3, Vec<u8>, Vec<u8>, DAffine3) {
+    if stride <= 1 {
+        return (size, solid, label, DAffine3::IDENTITY);
+    }
+    let index = |at: UVec3| ((at.z * size.y + at.y) * size.x + at.x) as usize;
+    let joined = size.map(|side| side.div_ceil(stride));
+    let count = joined.element_product() as usize;
+    let (mut sums, mut labels) = (vec![0_u32; count], Vec::with_capacity(count));
+    let place = |at: UVec3| (((at.z / stride) * joined.y + at.y / stride) * joined.x) as usize;
+    for z in 0..size.z {
+        for y in 0..size.y {
+            let row = place(UVec3::new(0, y, z));
+            let from = index(UVec3::new(0, y, z));
+            for (x, &solid) in (0..size.x).zip(&solid[from..from + size.x as usize]) {
+                sums[row + (x / stride) as usize] += u32::from(solid);
+            }
+        }
+    }
+    for z in 0..joined.z {
+        for y in 0..joined.y {
+            for x in 0..joined.x {
+                labels.push(label[index((UVec3::new(x, y, z) * stride + stride / 2).min(size - 1))]);
+            }
+        }
+    }
+    // What lies beyond the box is air.
+    let solid = sums.iter().map(|&sum| (sum / stride.pow(3)) as u8).collect();
+    let middle = DVec3::splat(0.5 * f64::from(stride - 1));
+    let map = DAffine3::from_scale_rotation_translation(DVec3::splat(stride.into()), glam::DQuat::IDENTITY, middle);
+    (joined, solid, labels, map)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn joined_voxels_hold_as_much_and_lie_where_it_was() {
+        // Full for x < 4 of 7 voxels: joined by two, half of them are full, and one beyond the box counts as air.
+        let size = UVec3::new(7, 4, 4);
+        let solid: Vec<u8> = (0..size.element_product()).map(|at| if at % 7 < 4 { 255 } else { 0 }).collect();
+        let label: Vec<u8> = solid.iter().map(|&solid| u8::from(solid > 0)).collect();
+        let (joined, coarse, labels, map) = coarser(size, solid.clone(), label.clone(), 2);
+        assert_eq!(joined, UVec3::new(4, 2, 2));
+        assert_eq!(coarse[..4], [255, 255, 0, 0]);
+        assert_eq!(labels[..4], [1, 1, 0, 0]);
+        // The middle of voxels 0 and 1 is at 0.5.
+        assert_eq!(map.transform_point3(DVec3::ZERO), DVec3::splat(0.5));
+        assert_eq!(map.transform_point3(DVec3::X), DVec3::new(2.5, 0.5, 0.5));
+        assert_eq!(coarser(size, solid.clone(), label, 1).1, solid);
+    }
 }
