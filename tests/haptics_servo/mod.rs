@@ -3,6 +3,7 @@
 mod bone;
 mod engine;
 mod exchange;
+mod pace;
 mod passivity;
 mod proxy;
 mod safety;

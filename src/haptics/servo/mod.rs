@@ -35,6 +35,7 @@ mod thread;
 
 pub use engine::{ServoEngine, ServoSettings};
 pub use link::{ServoFault, ServoLink};
+pub use pace::{ServoBeat, ServoPace};
 pub use scene::{MAX_BODIES, ServoBody, ServoRig, ServoScene, ServoShape, ServoTool};
 pub use state::{ServoContact, ServoState};
 pub use thread::ServoThread;

@@ -1,7 +1,7 @@
 //! The loop in a thread of its own.
 
 use super::ServoEngine;
-use super::pace::Pace;
+use super::pace::Waiter;
 use std::any::Any;
 use std::io;
 use std::panic::{AssertUnwindSafe, catch_unwind};
@@ -55,14 +55,14 @@ impl Drop for ServoThread {
 fn run(mut engine: ServoEngine, stops: &AtomicBool) -> ServoEngine {
     raise_priority();
     let period_s = engine.settings().period_s();
-    let mut pace = Pace::new(period_s, engine.settings().spin_s);
+    let mut waiter = Waiter::new(period_s, engine.settings().spin_s);
     while !stops.load(Ordering::Relaxed) && !engine.is_over() {
-        let beat = pace.wait();
+        let (began, beat) = waiter.wait();
         if let Err(payload) = catch_unwind(AssertUnwindSafe(|| engine.tick(beat.since_last_s))) {
             engine.stop_after_panic(message(&*payload));
             break;
         }
-        engine.meter.record(beat.late_s, beat.since_last_s, beat.began.elapsed().as_secs_f64(), period_s);
+        engine.meter.record(beat.late_s, beat.since_last_s, began.elapsed().as_secs_f64(), period_s);
     }
     if !engine.is_over() {
         engine.stop();
