@@ -119,10 +119,12 @@ fn forces(criterion: &mut Criterion) {
             });
         });
     }
-    let patch = bone(48);
-    group.bench_function("surface of 48^3 voxels, by the simulation", |bench| {
-        bench.iter(|| black_box(BonePatch::new(patch.clone(), SurfaceFeel::BONE)));
-    });
+    for side in [32, 40, 48] {
+        let patch = bone(side);
+        group.bench_function(format!("surface of {side}^3 voxels, by the simulation"), |bench| {
+            bench.iter(|| black_box(BonePatch::new(patch.clone(), SurfaceFeel::BONE)));
+        });
+    }
     group.bench_function("tree over 29,584 triangles, by the simulation", |bench| bench.iter(|| black_box(organ())));
     group.finish();
 }
@@ -169,7 +171,7 @@ fn loop_of(burr: bool) -> (ServoEngine, bevy_surgery::haptics::servo::ServoLink,
         let count = 256_usize.pow(3);
         let solid = (0..count as u32).map(|i| plain.solid(UVec3::new(i & 255, i >> 8 & 255, i >> 16))).collect();
         let brick = BoneBrick::new(UVec3::splat(256), solid, vec![1; count], [1.0; 256], lowered).expect("a brick");
-        add(ServoShape::Bone(Arc::new(BonePatch { brick, surface: SurfacePatch::default() })));
+        add(ServoShape::Bone(Arc::new(BonePatch::voxels_only(brick, SurfaceFeel::BONE))));
         let burr = TurningBurr {
             speed_rpm: 4e4,
             flutes: 8,

@@ -7,6 +7,7 @@ use bevy_surgery::haptics::force::{
 };
 use bevy_surgery::volume::cut::{Burr, BurrKind, BurrShape};
 use glam::{DAffine3, DVec3, UVec3, Vec3};
+use proptest::prelude::*;
 use std::f64::consts::PI;
 
 const BALL: Burr = Burr { kind: BurrKind::Cutting, shape: BurrShape::Sphere, diameter_m: 4e-3 };
@@ -154,6 +155,59 @@ fn a_probe_stays_on_the_surface_of_the_voxels() {
 }
 
 #[test]
+fn the_surface_goes_on_where_rows_are_longer_than_a_word() {
+    let normal = Vec3::new(0.1, 1.0, -0.2).normalize();
+    let bone = BonePatch::new(bone_below(normal, 72, 0.25e-3), SurfaceFeel::BONE);
+    let (up, surface) = (normal.as_dvec3(), [Obstacle::Surface(&bone.surface)]);
+    let tip = [ToolCapsule { ends_m: [DVec3::ZERO; 2], radius_m: 0.5e-3 }];
+    let mut proxy = Proxy::default();
+    // Cell 63 lies from 6.875 to 7.125 mm.
+    for x_m in [-7e-3, 6.8e-3, 6.95e-3, 7e-3, 7.1e-3, 7.3e-3] {
+        let aside_m = DVec3::X * x_m - up * (up.x * x_m);
+        proxy.reset(aside_m + up * 3e-3);
+        proxy.step(aside_m + up * 3e-3, DVec3::ZERO, &tip, &surface, [1.0; 2], &coupling());
+        proxy.step(aside_m - up * 1e-3, DVec3::ZERO, &tip, &surface, [1.0; 2], &coupling());
+        let height_m = proxy.place_m().dot(up);
+        assert!((height_m - 0.5e-3).abs() < 6e-5, "{height_m} at {x_m}");
+    }
+}
+
+/// Voxels in random, rows of up to more than two words.
+fn any_voxels() -> impl Strategy<Value = (UVec3, Vec<u8>)> {
+    let size = prop_oneof![(2..12_u32, 2..6_u32, 2..6_u32), (60..140_u32, 2..4_u32, 2..4_u32)];
+    size.prop_flat_map(|(x, y, z)| {
+        let value = prop_oneof![Just(0), Just(255), any::<u8>()];
+        (Just(UVec3::new(x, y, z)), proptest::collection::vec(value, (x * y * z) as usize))
+    })
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(64))]
+
+    #[test]
+    fn the_surface_crosses_every_edge_between_solid_and_empty((size, solid) in any_voxels()) {
+        let map = DAffine3::from_scale(DVec3::splat(1e-3));
+        let is_solid = |at: UVec3| solid[((at.z * size.y + at.y) * size.x + at.x) as usize] > 127;
+        let label = vec![1; solid.len()];
+        let brick = BoneBrick::new(size, solid.clone(), label, [1.0; 256], map).expect("a brick");
+        let surface = BonePatch::new(brick, SurfaceFeel::BONE).surface;
+        let mut cut = 0;
+        for i in 0..solid.len() as u32 {
+            let at = UVec3::new(i % size.x, i / size.x % size.y, i / size.x / size.y);
+            for axis in 0..3 {
+                let (u, v) = ((axis + 1) % 3, (axis + 2) % 3);
+                let is_within = |across: usize| at[across] > 0 && at[across] < size[across] - 1;
+                let other = at + UVec3::AXES[axis];
+                if other[axis] < size[axis] && is_within(u) && is_within(v) && is_solid(at) != is_solid(other) {
+                    cut += 1;
+                }
+            }
+        }
+        prop_assert_eq!(surface.triangle_count(), 2 * cut);
+    }
+}
+
+#[test]
 fn odd_bricks_and_burrs_are_refused() {
     let new = |count: usize, map| BoneBrick::new(UVec3::splat(2), vec![0; count], vec![0; 8], [1.0; 256], map);
     assert!(new(8, DAffine3::IDENTITY).is_some());
@@ -166,4 +220,6 @@ fn odd_bricks_and_burrs_are_refused() {
     }
     assert_eq!(overlap(&brick, &BALL, DVec3::NAN, DVec3::Y).volume_m3, 0.0);
     assert_eq!(BonePatch::new(BoneBrick::default(), SurfaceFeel::BONE).surface.triangle_count(), 0);
+    let bare = BonePatch::voxels_only(brick.clone(), SurfaceFeel::BONE);
+    assert_eq!((bare.surface.triangle_count(), bare.surface.feel, &bare.brick), (0, SurfaceFeel::BONE, &brick));
 }

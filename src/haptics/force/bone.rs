@@ -103,6 +103,11 @@ impl BonePatch {
         surface.reach_m = sides.into_iter().fold(f64::INFINITY, f64::min).max(0.0);
         Self { brick, surface }
     }
+
+    /// Voxels alone, without their surface: enough for a burr that turns, which goes into them. Nothing else touches it.
+    pub fn voxels_only(brick: BoneBrick, feel: SurfaceFeel) -> Self {
+        Self { brick, surface: SurfacePatch::new(Vec::new(), Vec::new(), feel) }
+    }
 }
 
 /// What a burr covers.

@@ -1,4 +1,7 @@
 //! The surface of voxels: one place in each cell that it passes, joined across the edges that it cuts.
+//!
+//! A cell lies between eight voxels. Which of its corners are solid is kept as one bit each, a row of voxels in a few words, so that
+//! the many cells through which no surface passes cost a part of a word and not a look each.
 
 use super::BoneBrick;
 use glam::{UVec3, Vec3};
@@ -9,81 +12,162 @@ const LEVEL: f32 = 127.5;
 /// Places in the world and triangles, counterclockwise seen from outside. At the sides of the box it is open.
 pub(super) fn surface(brick: &BoneBrick) -> (Vec<Vec3>, Vec<[u32; 3]>) {
     let size = brick.size();
-    let (mut places_m, mut triangles) = (Vec::new(), Vec::new());
+    let mut net = Net { places_m: Vec::new(), triangles: Vec::new() };
     if size.min_element() < 2 {
-        return (places_m, triangles);
+        return (net.places_m, net.triangles);
     }
-    let cells = size - 1;
-    let cell_index = |cell: UVec3| ((cell.z * cells.y + cell.y) * cells.x + cell.x) as usize;
-    let mut place_of = vec![u32::MAX; cells.as_u64vec3().element_product() as usize];
-    let row = (size.x as usize, (size.x * size.y) as usize);
+    let [cells_x, cells_y, cells_z] = (size - 1).to_array().map(|side| side as usize);
+    let (width, height) = (size.x as usize, size.y as usize);
     let solid = brick.all_solid();
-    let index = |voxel: UVec3| voxel.x as usize + voxel.y as usize * row.0 + voxel.z as usize * row.1;
-    let corners = [0, 1, row.0, row.0 + 1].map(|at| [at, at + row.1]);
-    let corners: [usize; 8] = std::array::from_fn(|corner| corners[corner & 3][corner >> 2]);
-    for z in 0..cells.z {
-        for y in 0..cells.y {
-            for x in 0..cells.x {
-                let cell = UVec3::new(x, y, z);
-                let first = index(cell);
-                if let Some(place) = crossing(cell, corners.map(|corner| solid[first + corner])) {
-                    place_of[cell_index(cell)] = places_m.len() as u32;
-                    places_m.push(brick.world_from_voxel().transform_point3(place.as_dvec3()).as_vec3());
-                }
-            }
-        }
-    }
+    let words = width.div_ceil(64);
+    let bits: Vec<u64> = solid.chunks_exact(width).flat_map(|row| row.chunks(64).map(solid_bits)).collect();
+    let row = |y: usize, z: usize| &bits[(z * height + y) * words..][..words];
+    let corner_offsets: [usize; 8] =
+        std::array::from_fn(|corner| (corner & 1) + (corner >> 1 & 1) * width + (corner >> 2) * width * height);
     let is_mirrored = brick.world_from_voxel().matrix3.determinant() < 0.0;
-    for z in 0..size.z {
-        for y in 0..size.y {
-            for x in 0..size.x {
-                let voxel = UVec3::new(x, y, z);
-                let first = index(voxel);
-                let here = f32::from(solid[first]) > LEVEL;
-                for axis in 0..3 {
-                    let (u, v) = ((axis + 1) % 3, (axis + 2) % 3);
-                    let other = voxel + UVec3::AXES[axis];
-                    let is_within = other[axis] < size[axis]
-                        && voxel[u] > 0
-                        && voxel[v] > 0
-                        && voxel[u] < size[u] - 1
-                        && voxel[v] < size[v] - 1;
-                    if !is_within || here == (f32::from(solid[first + [1, row.0, row.1][axis]]) > LEVEL) {
-                        continue;
+    // Places of cells in this layer and the one below. A cut edge asks for the cells around it alone, which all have one.
+    let layer = cells_x * cells_y;
+    let mut place_of = vec![0_u32; 2 * layer];
+    for z in 0..cells_z {
+        let (here, below) = ((z & 1) * layer, (!z & 1) * layer);
+        for y in 0..cells_y {
+            let rows = [row(y, z), row(y + 1, z), row(y, z + 1), row(y + 1, z + 1)];
+            for word in 0..words {
+                let pairs = rows.map(|row| [row[word], row.get(word + 1).copied().unwrap_or(0)]);
+                let mut crossed = crossed_cells(pairs) & mask_below(cells_x - (word * 64).min(cells_x));
+                while crossed != 0 {
+                    let bit = crossed.trailing_zeros();
+                    crossed &= crossed - 1;
+                    let x = word * 64 + bit as usize;
+                    let corners = corner_bits(pairs, bit);
+                    let first = x + width * (y + height * z);
+                    let place = middle_of_cuts(corners, corner_offsets.map(|offset| solid[first + offset]));
+                    let cell = UVec3::new(x as u32, y as u32, z as u32);
+                    let at = y * cells_x + x;
+                    place_of[here + at] = net.places_m.len() as u32;
+                    let place_m = brick.world_from_voxel().transform_point3((cell.as_vec3() + place).as_dvec3());
+                    net.places_m.push(place_m.as_vec3());
+                    // The three edges from the first corner: what lies around them is known by now.
+                    let is_solid = corners & 1 == 1;
+                    let is_cut = |other: u32| (corners >> other & 1 == 1) != is_solid;
+                    let mut join = |around: [usize; 4]| {
+                        net.join(around.map(|cell| place_of[cell]), is_solid != is_mirrored);
+                    };
+                    if is_cut(1) && y > 0 && z > 0 {
+                        join([below + at - cells_x, below + at, here + at, here + at - cells_x]);
                     }
-                    let around = [[1, 1], [0, 1], [0, 0], [1, 0]].map(|[less_u, less_v]| {
-                        let cell = voxel - UVec3::AXES[u] * less_u - UVec3::AXES[v] * less_v;
-                        place_of[cell_index(cell)]
-                    });
-                    let [a, b, c, d] =
-                        if here != is_mirrored { around } else { [around[3], around[2], around[1], around[0]] };
-                    triangles.push([a, b, c]);
-                    triangles.push([a, c, d]);
+                    if is_cut(2) && z > 0 && x > 0 {
+                        join([below + at - 1, here + at - 1, here + at, below + at]);
+                    }
+                    if is_cut(4) && x > 0 && y > 0 {
+                        join([here + at - cells_x - 1, here + at - cells_x, here + at, here + at - 1]);
+                    }
                 }
             }
         }
     }
-    (places_m, triangles)
+    (net.places_m, net.triangles)
 }
 
-/// The mean of where the surface cuts the edges of a cell.
-fn crossing(cell: UVec3, values: [u8; 8]) -> Option<Vec3> {
-    let corner = |index: u32| UVec3::new(index & 1, index >> 1 & 1, index >> 2);
-    let values = values.map(f32::from);
-    let solid = values.iter().filter(|&&value| value > LEVEL).count();
-    if solid == 0 || solid == 8 {
-        return None;
+struct Net {
+    places_m: Vec<Vec3>,
+    triangles: Vec<[u32; 3]>,
+}
+
+impl Net {
+    /// Two triangles between the places around an edge.
+    fn join(&mut self, [a, b, c, d]: [u32; 4], is_forward: bool) {
+        self.triangles.extend(if is_forward { [[a, b, c], [a, c, d]] } else { [[d, c, b], [d, b, a]] });
     }
-    let (mut sum, mut count) = (Vec3::ZERO, 0.0);
-    for first in 0..8_u32 {
-        for second in [1, 2, 4].map(|bit| first | bit).into_iter().filter(|&second| second != first) {
-            let [from, to] = [values[first as usize], values[second as usize]];
-            if (from > LEVEL) != (to > LEVEL) {
-                let share = (LEVEL - from) / (to - from);
-                sum += corner(first).as_vec3().lerp(corner(second).as_vec3(), share);
-                count += 1.0;
-            }
+}
+
+/// A bit for each of up to 64 voxels that is solid by more than half.
+fn solid_bits(voxels: &[u8]) -> u64 {
+    let mut bits = 0;
+    let mut eights = voxels.chunks_exact(8);
+    let mut place = 0;
+    for eight in &mut eights {
+        let upper = u64::from_le_bytes(std::array::from_fn(|i| eight[i])) >> 7 & 0x0101_0101_0101_0101;
+        // Each of the eight bits lands in the top byte once, in its own place.
+        bits |= (upper.wrapping_mul(0x0102_0408_1020_4080) >> 56) << place;
+        place += 8;
+    }
+    for &voxel in eights.remainder() {
+        bits |= u64::from(voxel >> 7) << place;
+        place += 1;
+    }
+    bits
+}
+
+/// The lowest so many bits.
+fn mask_below(count: usize) -> u64 {
+    if count >= 64 { u64::MAX } else { (1 << count) - 1 }
+}
+
+/// Which cells of a word have both solid and empty corners, from the four rows around them, each with the word that follows.
+fn crossed_cells(rows: [[u64; 2]; 4]) -> u64 {
+    let over =
+        |join: fn(u64, u64) -> u64| [0, 1].map(|word| rows.iter().map(|row| row[word]).reduce(join).unwrap_or(0));
+    let next = |[word, after]: [u64; 2]| word >> 1 | after << 63;
+    let (any, all) = (over(|a, b| a | b), over(|a, b| a & b));
+    (any[0] | next(any)) & !(all[0] & next(all))
+}
+
+/// Which corners of a cell are solid: bit 1 is one along X, 2 along Y, 4 along Z.
+fn corner_bits(rows: [[u64; 2]; 4], bit: u32) -> u32 {
+    let pair = |[word, after]: [u64; 2]| ((word >> bit | after << 1 << (63 - bit)) & 3) as u32;
+    pair(rows[0]) | pair(rows[1]) << 2 | pair(rows[2]) << 4 | pair(rows[3]) << 6
+}
+
+/// Ends of the edges of a cell: four along X, four along Y, four along Z.
+const EDGES: [[usize; 2]; 12] =
+    [[0, 1], [2, 3], [4, 5], [6, 7], [0, 2], [1, 3], [4, 6], [5, 7], [0, 4], [1, 5], [2, 6], [3, 7]];
+
+/// For each choice of solid corners, which edges are cut.
+const CUTS: [u16; 256] = {
+    let mut cuts = [0; 256];
+    let mut corners = 0;
+    while corners < 256 {
+        let mut edge = 0;
+        while edge < 12 {
+            let [from, to] = EDGES[edge];
+            cuts[corners] |= (((corners >> from ^ corners >> to) & 1) << edge) as u16;
+            edge += 1;
         }
+        corners += 1;
     }
-    Some(cell.as_vec3() + sum / count)
+    cuts
+};
+
+/// For each choice of solid corners, the sum of what its cut edges have of the other two axes.
+const ASIDE: [[u8; 3]; 256] = {
+    let mut sums = [[0; 3]; 256];
+    let mut corners = 0;
+    while corners < 256 {
+        let mut place = 0;
+        while place < 36 {
+            let (edge, axis) = (place / 3, place % 3);
+            if CUTS[corners] >> edge & 1 == 1 && axis != edge / 4 {
+                sums[corners][axis] += (EDGES[edge][0] >> axis & 1) as u8;
+            }
+            place += 1;
+        }
+        corners += 1;
+    }
+    sums
+};
+
+/// The mean of where the surface cuts the edges of a cell, from the cell's first corner.
+fn middle_of_cuts(corners: u32, values: [u8; 8]) -> Vec3 {
+    let corners = corners as usize & 255;
+    let mut cuts = CUTS[corners];
+    let count = cuts.count_ones() as f32;
+    let mut sum = ASIDE[corners].map(f32::from);
+    while cuts != 0 {
+        let edge = cuts.trailing_zeros() as usize;
+        cuts &= cuts - 1;
+        let [from, to] = EDGES[edge].map(|corner| f32::from(values[corner]));
+        sum[edge / 4] += (LEVEL - from) / (to - from);
+    }
+    Vec3::from_array(sum) / count
 }

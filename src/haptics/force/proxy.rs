@@ -8,7 +8,7 @@
 //! coefficient times the pressure; beyond that it follows, and lags behind by the dynamic one.
 
 use super::half_space::{HalfSpace, nearest_in_all};
-use super::surface::Near;
+use super::surface::Around;
 use super::{ContactPatch, Coupling, SurfacePatch};
 use bevy::reflect::Reflect;
 use glam::DVec3;
@@ -110,7 +110,8 @@ pub struct Proxy {
     last_force_n: DVec3,
     sticks: bool,
     spaces: Vec<HalfSpace>,
-    near: Vec<Near>,
+    /// What each part of the tool has near it of each obstacle.
+    around: Vec<Around>,
     path: [DVec3; PIECES + 1],
 }
 
@@ -131,7 +132,7 @@ impl Default for Proxy {
             sticks: false,
             // More triangles than these within a tip's reach would be smaller than what can be felt; the vectors grow if need be.
             spaces: Vec::with_capacity(256),
-            near: Vec::with_capacity(1024),
+            around: Vec::new(),
             path: [DVec3::ZERO; PIECES + 1],
         }
     }
@@ -288,8 +289,13 @@ impl Proxy {
 
     fn gather(&mut self, goal_m: DVec3, step_m: f64, tool: &[ToolCapsule], obstacles: &[Obstacle], share: f64) {
         self.spaces.clear();
+        if self.around.len() < tool.len() * obstacles.len() {
+            self.around.resize_with(tool.len() * obstacles.len(), Around::default);
+        }
+        let mut around = self.around.iter_mut();
         for part in tool {
             for (obstacle, of) in obstacles.iter().enumerate() {
+                let Some(around) = around.next() else { return };
                 let reach = Reach {
                     place_m: self.place_m,
                     segment_m: part.ends_m.map(|end| self.place_m + end),
@@ -300,7 +306,7 @@ impl Proxy {
                     obstacle: obstacle as u32,
                 };
                 match of {
-                    Obstacle::Surface(patch) => patch.gather(&reach, &mut self.near, &mut self.spaces),
+                    Obstacle::Surface(patch) => patch.gather(&reach, around, &mut self.spaces),
                     Obstacle::Contact(contact) => contact.gather(&reach, &mut self.spaces),
                 }
             }

@@ -1,7 +1,7 @@
 //! A piece of an organ's surface around the tool, that moves from where it was a step ago to where it is now.
 
 use super::SurfaceFeel;
-use super::bvh::BoxTree;
+use super::bvh::{BoxTree, NearLeaves};
 use super::closest::{of_segment_and_triangle, on_triangle};
 use super::half_space::HalfSpace;
 use super::proxy::Reach;
@@ -38,31 +38,44 @@ impl Default for SurfaceFeel {
 impl SurfacePatch {
     /// A patch that stands still. Triangles with corners that are not there, or are no numbers, are left out.
     pub fn new(positions_m: Vec<Vec3>, triangles: Vec<[u32; 3]>, feel: SurfaceFeel) -> Self {
-        Self::moving(positions_m.clone(), positions_m, triangles, feel)
+        Self::made(Vec::new(), positions_m, triangles, feel)
     }
 
     /// A patch that moves. It covers all that its triangles reach; set [`reach_m`](Self::reach_m) where they are part of more.
-    pub fn moving(from_m: Vec<Vec3>, mut to_m: Vec<Vec3>, mut triangles: Vec<[u32; 3]>, feel: SurfaceFeel) -> Self {
+    pub fn moving(mut from_m: Vec<Vec3>, mut to_m: Vec<Vec3>, triangles: Vec<[u32; 3]>, feel: SurfaceFeel) -> Self {
         to_m.resize(from_m.len(), Vec3::NAN);
-        let is_place = |&index: &u32| {
-            let ends = [&from_m, &to_m].map(|positions| positions.get(index as usize).copied().unwrap_or(Vec3::NAN));
-            ends.iter().all(|place| place.is_finite())
-        };
+        if from_m == to_m {
+            from_m.clear();
+        }
+        Self::made(from_m, to_m, triangles, feel)
+    }
+
+    /// From nothing where it stands still.
+    fn made(mut from_m: Vec<Vec3>, to_m: Vec<Vec3>, mut triangles: Vec<[u32; 3]>, feel: SurfaceFeel) -> Self {
+        let mut boxes = Vec::with_capacity(triangles.len());
+        let mut is_moving = false;
+        let (from, to) = (if from_m.is_empty() { &to_m } else { &from_m }, &to_m);
         triangles.retain(|corners| {
-            corners.iter().all(is_place) && {
-                let [a, b, c] = corners.map(|index| from_m[index as usize]);
-                (b - a).cross(c - a).length_squared() > 0.0
+            let [a, b, c] = corners.map(|index| from.get(index as usize).copied().unwrap_or(Vec3::NAN));
+            // No number is greater than zero that comes of something that is none.
+            let mut is_kept = (b - a).cross(c - a).length_squared() > 0.0;
+            let (mut min, mut max) = (a.min(b).min(c), a.max(b).max(c));
+            if is_kept && !from_m.is_empty() {
+                let ends = corners.map(|index| to[index as usize]);
+                is_kept = ends.iter().all(|end| end.is_finite());
+                is_moving |= is_kept && ends != [a, b, c];
+                let [a, b, c] = ends;
+                (min, max) = (min.min(a).min(b).min(c), max.max(a).max(b).max(c));
             }
+            is_kept &= min.is_finite() && max.is_finite();
+            if is_kept {
+                boxes.push([min, max]);
+            }
+            is_kept
         });
-        let boxes: Vec<[Vec3; 2]> = triangles
-            .iter()
-            .map(|corners| {
-                let ends = corners.map(|index| [from_m[index as usize], to_m[index as usize]]);
-                let bounds = |[min, max]: [Vec3; 2], place: &Vec3| [min.min(*place), max.max(*place)];
-                ends.as_flattened().iter().fold([Vec3::INFINITY, Vec3::NEG_INFINITY], bounds)
-            })
-            .collect();
-        let is_moving = triangles.iter().flatten().any(|&index| from_m[index as usize] != to_m[index as usize]);
+        if !is_moving {
+            from_m.clear();
+        }
         let tree = BoxTree::new(&boxes);
         let feel = feel.sane();
         let (centre_m, reach_m, is_closed) = (DVec3::ZERO, f64::INFINITY, false);
@@ -99,26 +112,31 @@ impl SurfacePatch {
     }
 
     /// Adds the half-spaces that the triangles near a tool leave free.
-    pub(super) fn gather(&self, reach: &Reach, near: &mut Vec<Near>, into: &mut Vec<HalfSpace>) {
+    pub(super) fn gather(&self, reach: &Reach, around: &mut Around, into: &mut Vec<HalfSpace>) {
+        let Around { leaves, near, order } = around;
         near.clear();
-        let around = DVec3::splat(reach.radius_m + reach.step_m);
+        order.clear();
+        let beyond = DVec3::splat(reach.radius_m + reach.step_m);
         let [a, b] = reach.segment_m;
         // Rounding to single precision must not lose a triangle.
-        let (min, max) = ((a.min(b) - around).as_vec3() - 1e-6, (a.max(b) + around).as_vec3() + 1e-6);
+        let (min, max) = ((a.min(b) - beyond).as_vec3() - 1e-6, (a.max(b) + beyond).as_vec3() + 1e-6);
         let is_ball = a == b;
-        self.tree.visit(min, max, |triangle| {
+        let ball = is_ball.then(|| (a.as_vec3(), beyond.x as f32 + 1e-6));
+        self.tree.visit_near(leaves, [min, max], ball, |triangle| {
             let Some(corners) = self.corners(triangle, reach.share) else { return };
             let (tool_m, surface_m) =
                 if is_ball { (a, on_triangle(a, corners)) } else { of_segment_and_triangle(reach.segment_m, corners) };
             let distance_m = tool_m.distance(surface_m);
             if distance_m <= reach.radius_m + reach.step_m {
+                order.push((distance_m, triangle, near.len() as u32));
                 near.push(Near { distance_m, triangle, corners, tool_m, surface_m });
             }
         });
-        near.sort_unstable_by(|a, b| a.distance_m.total_cmp(&b.distance_m).then(a.triangle.cmp(&b.triangle)));
+        order.sort_unstable_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
         let first = into.len();
         let mut aim_m = reach.goal_m;
-        for found in near.iter() {
+        for &(_, _, place) in order.iter() {
+            let found = &near[place as usize];
             // What lies behind a half-space that is kept anyway forbids nothing more.
             let solid = |space: &HalfSpace| {
                 let level = space.offset_m - reach.level_m(space.normal) + KEPT_M;
@@ -197,9 +215,18 @@ impl SurfacePatch {
 /// How near a half-space must be to count as the same, metres.
 const KEPT_M: f64 = 1e-9;
 
+/// What is remembered of a patch around a tool.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Around {
+    leaves: NearLeaves,
+    near: Vec<Near>,
+    /// Distance, triangle and place of what is near, the nearest first.
+    order: Vec<(f64, u32, u32)>,
+}
+
 /// A triangle near a tool.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Near {
+struct Near {
     distance_m: f64,
     triangle: u32,
     corners: [DVec3; 3],

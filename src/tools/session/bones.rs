@@ -1,6 +1,6 @@
 //! What is left of volumes around a tool, as the loop wants it.
 
-use crate::haptics::force::{BoneBrick, BonePatch, SurfaceFeel, SurfacePatch};
+use crate::haptics::force::{BoneBrick, BonePatch, SurfaceFeel};
 use crate::volume::pick::VolumePicker;
 use crate::volume::{CutVolume, VoxelBox, VoxelLattice};
 use bevy::math::{DAffine3, DVec3, UVec3};
@@ -125,7 +125,7 @@ impl BonePatches {
             Arc::new(if with_surface {
                 BonePatch::new(brick, bone.feel)
             } else {
-                BonePatch { brick, surface: SurfacePatch::default() }
+                BonePatch::voxels_only(brick, bone.feel)
             })
         });
         let told = Told {
