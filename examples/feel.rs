@@ -5,6 +5,9 @@
 //! be felt, push in with the left button. 1 to 4 choose what is felt, comma and full stop make it softer and harder (a device that
 //! hums has found its limit), C forgets how far the handle has been, H centres the workspace, Escape ends.
 
+// Queries spell out what they touch.
+#![allow(clippy::too_many_arguments, clippy::type_complexity)]
+
 mod common;
 #[path = "feel/objects.rs"]
 mod objects;

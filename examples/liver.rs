@@ -6,6 +6,9 @@
 //! the arrows up and down. Drag with the right button to turn the view, with the middle one to move it, scroll to come closer;
 //! Escape ends.
 
+// Queries spell out what they touch.
+#![allow(clippy::too_many_arguments, clippy::type_complexity)]
+
 mod common;
 #[path = "liver/demo.rs"]
 mod demo;

@@ -40,6 +40,7 @@ pub fn hold_device(commands: &mut Commands, tool: Entity, args: &Args, hand: Too
 
 /// Lays workspaces before the middle of the scene, as the camera sees it, so that hands begin outside of everything; under a
 /// microscope they move less.
+#[allow(clippy::type_complexity, reason = "queries spell out what they touch")]
 fn rig_tools(
     mut tools: Query<&mut ToolRig, Added<ServoSession>>,
     cameras: Query<(Entity, &Transform, Has<Microscope>), Or<(With<Endoscope>, With<Microscope>)>>,

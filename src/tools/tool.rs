@@ -33,9 +33,10 @@ pub enum ToolHand {
 }
 
 /// Kinds of instruments, and what the [`ToolCommand`] makes them do.
-#[derive(Clone, Copy, Debug, PartialEq, Reflect, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Reflect, Serialize, Deserialize)]
 pub enum ToolKind {
     /// Presses: the skin turns pale under it.
+    #[default]
     Probe,
     /// Jaws: closed by the grip, they hold what is between them.
     Grasper(Jaws),
@@ -50,12 +51,6 @@ pub enum ToolKind {
     SuctionIrrigator,
     /// Holds a camera, and touches nothing.
     Scope,
-}
-
-impl Default for ToolKind {
-    fn default() -> Self {
-        Self::Probe
-    }
 }
 
 /// Jaws of a grasper.

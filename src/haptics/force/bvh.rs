@@ -86,6 +86,7 @@ impl BoxTree {
         while level.len() > 1 {
             for first in level.clone().step_by(4) {
                 let mut node = Four { below: first as u32, ..EMPTY };
+                #[allow(clippy::needless_range_loop, reason = "the number of the node is needed, too")]
                 for below in first..level.end.min(first + 4) {
                     node.set(below - first, nodes[below].bounds());
                 }

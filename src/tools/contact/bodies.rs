@@ -28,7 +28,7 @@ impl Placed {
         is_map.then_some(Self { world_from_body, body_from_world, scale })
     }
 
-    fn to_world(
+    fn in_world(
         &self,
         height_m: f64,
         point_m: DVec3,
@@ -65,7 +65,7 @@ impl Solid for OrganBody<'_> {
         let normal = gap.try_normalize().map_or(skin, |away| away * side);
         let uv = self.surface.atlas.uv(hit.point).as_vec2();
         let matter = ContactMatter::Organ { point: hit.point, uv };
-        Some(self.placed.to_world(hit.distance_m * side, hit.position_m, hit.on_segment_m, normal, matter))
+        Some(self.placed.in_world(hit.distance_m * side, hit.position_m, hit.on_segment_m, normal, matter))
     }
 }
 
@@ -90,7 +90,7 @@ impl Solid for VolumeBody<'_> {
         let Some((lattice, grid)) = self.lattice else {
             let hit = self.picker.nearest_to_segment(ends_m, max_m, self.remaining())?;
             let matter = ContactMatter::Volume { voxel: hit.voxel, label: hit.label };
-            return Some(self.placed.to_world(hit.height_m, hit.position_m, hit.on_segment_m, hit.normal, matter));
+            return Some(self.placed.in_world(hit.height_m, hit.position_m, hit.on_segment_m, hit.normal, matter));
         };
         // The matter at rest near where the rod would rest; its place and normal are then shown.
         let map = Deformation::new(lattice, grid);
@@ -100,7 +100,7 @@ impl Solid for VolumeBody<'_> {
         let (point_m, on_segment_m) = (map.shown(hit.position_m), map.shown(hit.on_segment_m));
         let normal = map.shown_normal(hit.normal, on_segment_m);
         let matter = ContactMatter::Volume { voxel: hit.voxel, label: hit.label };
-        Some(self.placed.to_world(hit.height_m / stretch, point_m, on_segment_m, normal, matter))
+        Some(self.placed.in_world(hit.height_m / stretch, point_m, on_segment_m, normal, matter))
     }
 }
 

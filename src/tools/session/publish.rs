@@ -154,7 +154,9 @@ fn bodies<'a>(
     let around = Around { tip_m, back_m };
     let tip_radius_m = f64::from(tool.tip_radius_m());
     let feel_of = |feel: Option<&SurfaceFeel>, else_: SurfaceFeel| feel.copied().unwrap_or(else_);
-    (organs.begin(), bones.begin(), soft.begin());
+    organs.begin();
+    bones.begin();
+    soft.begin();
     for answer in answers {
         let feel = felt.organs.get(answer.body).ok().and_then(|(.., feel, _)| feel);
         // They answer to where the tool was pressed to, not to the proxy.
