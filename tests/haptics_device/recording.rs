@@ -5,11 +5,15 @@ use bevy_surgery::haptics::device::recording::{
 };
 use bevy_surgery::haptics::device::scripted::{KeyPose, ScriptedDevice, ScriptedPath, Tremor};
 use bevy_surgery::haptics::device::{
-    DeviceBackend, DeviceFault, DeviceInfo, DeviceKind, DeviceLimits, DeviceOutput, DeviceSample, HapticDevice,
-    NoDevice,
+    DeviceBackend, DeviceFault, DeviceInfo, DeviceKind, DeviceLimits, DeviceManager, DeviceOutput, DeviceSample,
+    HapticDevice, NoDevice,
 };
-use glam::{DQuat, DVec3};
+use bevy_surgery::haptics::force::{SurfaceFeel, SurfacePatch};
+use bevy_surgery::haptics::servo::{ServoBody, ServoEngine, ServoFault, ServoScene, ServoSettings, ServoShape};
+use glam::{DQuat, DVec3, Vec3};
 use proptest::prelude::*;
+use std::sync::Arc;
+use std::time::Duration;
 
 fn info() -> DeviceInfo {
     NoDevice::default().info().clone()
@@ -47,7 +51,51 @@ fn a_recorded_device_is_played_back_bit_for_bit() {
     let mut replay = ReplayBackend.open(&format!("replay:{}", path.display())).expect("it plays");
     assert_eq!((replay.info().kind, replay.info().limits), (DeviceKind::Replay, DeviceLimits::TOUCH));
     assert_eq!(run(&mut *replay, 3000), lived);
-    assert!(matches!(replay.read(), Err(DeviceFault::Gone { .. })), "it ends");
+    for _ in 0..3 {
+        let fault = replay.read().expect_err("it ends");
+        assert!(matches!(fault, DeviceFault::Ended { .. }) && !fault.is_over(), "{fault}");
+    }
+}
+
+#[test]
+fn a_replay_that_has_ended_stays_where_it_is_without_force_and_says_so_once() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let path = folder.path().join("hand.bsurdev");
+    // A hand that goes into a wall and stays there.
+    let keys = vec![KeyPose::at(0.0, DVec3::Y * 0.004), KeyPose::at(0.6, DVec3::Y * -0.004)];
+    let hand = ScriptedDevice::new(ScriptedPath::new(keys, None), 1e-3, DeviceLimits::OMEGA);
+    run(&mut RecordingDevice::new(Box::new(hand), &path).expect("it records"), 1500);
+    let backends: Vec<Box<dyn DeviceBackend>> = vec![Box::new(ReplayBackend)];
+    let manager = DeviceManager::new(backends, Duration::from_millis(1)).expect("a thread");
+    let id = format!("replay:{}", path.display());
+    let device = manager.open(&id).expect("it plays");
+    let (mut engine, mut link) = ServoEngine::new(Box::new(device), ServoSettings::default());
+    let wall = [Vec3::new(-1.0, 0.0, -1.0), Vec3::new(0.0, 0.0, 2.0), Vec3::new(1.0, 0.0, -1.0)];
+    let wall = Arc::new(SurfacePatch::new(wall.to_vec(), vec![[0, 1, 2]], SurfaceFeel::LIVER));
+    let wall = ServoBody { id: 1, shape: ServoShape::Surface(wall) };
+    let scene = ServoScene { bodies: vec![wall], ..ServoScene::default() };
+    let mut tick = |ticks: u64, engine: &mut ServoEngine| {
+        for tick in 0..ticks {
+            if tick.is_multiple_of(16) {
+                link.publish(scene.clone());
+            }
+            engine.tick(1e-3);
+        }
+        link.faults().collect::<Vec<_>>()
+    };
+    assert_eq!(tick(1500, &mut engine), []);
+    let before = *engine.state();
+    assert!(before.force_in_device_n.y > 0.5, "it presses: {before:?}");
+    let faults = tick(200, &mut engine);
+    assert_eq!(faults, [ServoFault::Device(DeviceFault::Ended { id: id.clone() })]);
+    assert_eq!(faults[0].to_string(), format!("{id} is at its end"));
+    // Time for a manager to look for it again.
+    std::thread::sleep(Duration::from_millis(30));
+    assert_eq!(tick(500, &mut engine), [], "said once");
+    let after = engine.state();
+    assert_eq!((after.force_in_device_n, after.is_over), (DVec3::ZERO, false));
+    assert_eq!(after.sample, before.sample, "it stays");
+    assert_eq!(manager.news(), [], "and nobody looks for it");
 }
 
 #[test]

@@ -67,11 +67,17 @@ pub enum DeviceFault {
         /// What happened.
         reason: String,
     },
+    /// What it had to tell is told, as of a recording that is played: it stays where it is, without force, and is not looked for.
+    #[error("{id} is at its end")]
+    Ended {
+        /// Which device.
+        id: String,
+    },
 }
 
 impl DeviceFault {
     /// Whether the device is lost and must be opened again.
     pub fn is_over(&self) -> bool {
-        !matches!(self, Self::Warning { .. } | Self::Uncalibrated { .. } | Self::Away { .. })
+        !matches!(self, Self::Warning { .. } | Self::Uncalibrated { .. } | Self::Away { .. } | Self::Ended { .. })
     }
 }

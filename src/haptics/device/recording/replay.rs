@@ -29,7 +29,8 @@ impl ReplayHandle {
     }
 }
 
-/// A recording as a device: each read gives the next that was read, to the bit, faults as well.
+/// A recording as a device: each read gives the next that was read, to the bit, faults as well. After the last every read is
+/// [`DeviceFault::Ended`]: a loop then stays where the recording left it, without force; it does not begin anew.
 pub struct ReplayDevice {
     info: DeviceInfo,
     events: Vec<RecordedEvent>,
@@ -78,7 +79,7 @@ impl HapticDevice for ReplayDevice {
             self.tell();
             return read;
         }
-        Err(DeviceFault::Gone { id: self.info.id.clone(), reason: "the recording is at its end".into() })
+        Err(DeviceFault::Ended { id: self.info.id.clone() })
     }
 
     fn write(&mut self, output: &DeviceOutput) -> Result<(), DeviceFault> {
