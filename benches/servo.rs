@@ -17,10 +17,16 @@ use std::time::{Duration, Instant};
 
 const TIP: [ToolCapsule; 1] = [ToolCapsule { ends_m: [DVec3::ZERO; 2], radius_m: 1.5e-3 }];
 const RADIUS_M: f32 = 0.07;
+/// Half a millimetre.
+const SWING: f32 = 0.007;
 
-/// A bumpy ball of some 15,000 vertices, as large as a liver, that moves by half a millimetre.
-fn organ() -> SurfacePatch {
-    let (rings, spokes) = (87_u32, 172_u32);
+/// Rings and spokes of some 15,000 vertices.
+const FINE: [u32; 2] = [87, 172];
+/// Of some 2,200.
+const COARSE: [u32; 2] = [34, 66];
+
+/// A bumpy ball, as large as a liver, that swings by a share of its radius.
+fn organ([rings, spokes]: [u32; 2], swing: f32) -> SurfacePatch {
     let place = |ring: u32, spoke: u32, swing: f32| {
         let (polar, turn) = (
             std::f32::consts::PI * (ring as f32 + 0.5) / rings as f32,
@@ -39,7 +45,7 @@ fn organ() -> SurfacePatch {
         triangles.push([at(ring, spoke), at(ring, next), at(ring + 1, spoke)]);
         triangles.push([at(ring, next), at(ring + 1, next), at(ring + 1, spoke)]);
     }
-    SurfacePatch::moving(all(0.0), all(0.007), triangles, SurfaceFeel::LIVER)
+    SurfacePatch::moving(all(0.0), all(swing), triangles, SurfaceFeel::LIVER)
 }
 
 /// Bone with cells, voxels of half a millimetre.
@@ -86,22 +92,30 @@ fn forces(criterion: &mut Criterion) {
     let mut group = criterion.benchmark_group("servo");
     group.sample_size(20);
     let coupling = Coupling::new(&DeviceLimits::OMEGA, 1e-3, 1.0, 1.0);
-    let patch = organ();
-    let obstacles = [Obstacle::Surface(&patch)];
-    let mut proxy = Proxy::default();
-    proxy.step(DVec3::Y * 0.2, DVec3::ZERO, &TIP, &obstacles, [0.0; 2], &coupling);
-    let mut rubbing = |tick: u32| {
-        let shares = [tick % 16, tick % 16 + 1].map(|at| f64::from(at) / 16.0);
-        black_box(proxy.step(rub(tick), DVec3::ZERO, &TIP, &obstacles, shares, &coupling));
-    };
-    spread("proxy on 14,964 moving vertices", &mut rubbing);
     let mut tick = 0;
-    group.bench_function("proxy on 14,964 moving vertices", |bench| {
-        bench.iter(|| {
-            tick += 1;
-            rubbing(tick);
+    // Triangles as many as in the meshes that others are measured with: 30,726 and 4,384.
+    for (name, size, swing) in [
+        ("29,584 moving triangles", FINE, SWING),
+        ("29,584 triangles", FINE, 0.0),
+        ("4,356 moving triangles", COARSE, SWING),
+        ("4,356 triangles", COARSE, 0.0),
+    ] {
+        let patch = organ(size, swing);
+        let obstacles = [Obstacle::Surface(&patch)];
+        let mut proxy = Proxy::default();
+        proxy.step(DVec3::Y * 0.2, DVec3::ZERO, &TIP, &obstacles, [0.0; 2], &coupling);
+        let mut rubbing = |tick: u32| {
+            let shares = [tick % 16, tick % 16 + 1].map(|at| f64::from(at) / 16.0);
+            black_box(proxy.step(rub(tick), DVec3::ZERO, &TIP, &obstacles, shares, &coupling));
+        };
+        spread(&format!("proxy on {name}"), &mut rubbing);
+        group.bench_function(format!("proxy on {name}"), |bench| {
+            bench.iter(|| {
+                tick += 1;
+                rubbing(tick);
+            });
         });
-    });
+    }
     let brick = bone(256);
     let middle_m = |tick: u32| {
         DVec3::new(0.064, 0.0645 - 1e-3 * (f64::from(tick) * 0.01).sin(), 0.064 + 1e-6 * f64::from(tick % 9999))
@@ -125,7 +139,11 @@ fn forces(criterion: &mut Criterion) {
             bench.iter(|| black_box(BonePatch::new(patch.clone(), SurfaceFeel::BONE)));
         });
     }
-    group.bench_function("tree over 29,584 triangles, by the simulation", |bench| bench.iter(|| black_box(organ())));
+    for (name, size) in [("29,584", FINE), ("1,920", [25, 40])] {
+        group.bench_function(format!("patch of {name} moving triangles, by the simulation"), |bench| {
+            bench.iter(|| black_box(organ(size, SWING)));
+        });
+    }
     group.finish();
 }
 
@@ -164,7 +182,7 @@ fn loop_of(burr: bool) -> (ServoEngine, bevy_surgery::haptics::servo::ServoLink,
     let (engine, link) = ServoEngine::new(Box::new(Rubbing { info, tick: 0 }), ServoSettings::default());
     let mut scene = ServoScene::default();
     let mut add = |shape| scene.bodies.push(ServoBody { id: 1, shape });
-    add(ServoShape::Surface(Arc::new(organ())));
+    add(ServoShape::Surface(Arc::new(organ(FINE, SWING))));
     if burr {
         let plain = bone(256);
         let lowered = DAffine3::from_translation(DVec3::new(-0.064, -0.0005, -0.064)) * plain.world_from_voxel();

@@ -133,7 +133,11 @@ fn harder_bone_is_stiffer() {
         turning().push(&brick(hardness), place_m, place_m, place_m, DVec3::X, &coupling(), 0.0).spring_n.y
     };
     assert!((press(0.25) / press(1.0) - 0.25).abs() < 1e-6);
-    assert!(press(100.0) <= 900.0 * 0.55e-3, "no stiffer than the device bears: {}", press(100.0));
+    assert!(
+        press(100.0) <= DeviceLimits::OMEGA.max_stiffness_n_per_m * 0.55e-3,
+        "no stiffer than the device bears: {}",
+        press(100.0)
+    );
 }
 
 #[test]

@@ -79,6 +79,7 @@ struct Outcome {
     late_m: f64,
     peak_out_j: f64,
     depth_m: f64,
+    /// In the mean of the last second: a step of the encoder is a tenth of a newton at the stiffest walls.
     force_n: f64,
 }
 
@@ -107,6 +108,7 @@ fn press(limits: DeviceLimits, coulomb_n: f64, to: &ServoScene, start_m: f64) ->
     let device = SimulatedDevice(info, handle.clone());
     let (mut engine, mut link) = ServoEngine::new(Box::new(device), ServoSettings::default());
     let mut swing = [[f64::INFINITY, f64::NEG_INFINITY]; 10];
+    let mut force_n = 0.0;
     for tick in 0..10_000_usize {
         if tick.is_multiple_of(16) {
             link.publish(to.clone());
@@ -116,6 +118,7 @@ fn press(limits: DeviceLimits, coulomb_n: f64, to: &ServoScene, start_m: f64) ->
         // It waits until the force is whole, then a hand pushes it in.
         handle.push_n = if tick < 500 { 0.0 } else { -1.0 };
         handle.pass(1e-3);
+        force_n += if tick < 9000 { 0.0 } else { handle.force_n * 1e-3 };
         let [least, greatest] = &mut swing[tick / 1000];
         (*least, *greatest) = (least.min(handle.place_m), greatest.max(handle.place_m));
     }
@@ -127,7 +130,7 @@ fn press(limits: DeviceLimits, coulomb_n: f64, to: &ServoScene, start_m: f64) ->
         late_m: of(9),
         peak_out_j: handle.peak_out_j,
         depth_m: state.contacts().first().map_or(state.burr.depth_m, |contact| contact.depth_m),
-        force_n: handle.force_n,
+        force_n,
     }
 }
 
@@ -145,7 +148,7 @@ fn is_quiet(name: &str, what: &str, limits: &DeviceLimits, found: &Outcome) {
     assert!(found.late_m <= found.early_m.max(2.0 * step_m) && found.late_m < 4.0 * step_m, "{told}");
     // Half a step of the encoder at the force of the hand: what cannot be told from nothing.
     assert!(found.peak_out_j <= 1.0 * 0.5 * step_m, "{told}");
-    assert!(found.force_n > 0.8 && found.depth_m > 0.0, "{told}");
+    assert!((found.force_n - 1.0).abs() < 0.1 && found.depth_m > 0.0, "{told}");
 }
 
 #[test]
@@ -169,6 +172,19 @@ fn no_device_hums_in_bone() {
     for (name, limits) in PRESETS {
         is_quiet(name, "bone under a burr", &limits, &press(limits, 0.05, &to, 0.005));
     }
+}
+
+#[test]
+fn walls_are_as_stiff_as_devices_are_published_to_be() {
+    for (name, limits) in PRESETS {
+        let coupling = Coupling::new(&limits, 1e-3, 1.0, 1.0);
+        let (stiffness, _) = coupling.limited(&SurfaceFeel { stiffness_n_per_m: 1e6, ..SurfaceFeel::BONE });
+        assert!((stiffness / limits.max_stiffness_n_per_m - 1.0).abs() < 1e-9, "{name}: {stiffness}");
+        assert!((limits.stable_stiffness_n_per_m(1e-3) / limits.max_stiffness_n_per_m - 1.0).abs() < 1e-9, "{name}");
+    }
+    // A loop half as fast shows half of that, if the device has no more damping than it needs.
+    let slow = Coupling::new(&DeviceLimits::OMEGA, 2e-3, 1.0, 1.0).max_stiffness_n_per_m();
+    assert!((slow / 2500.0 - 1.0).abs() < 1e-9, "{slow}");
 }
 
 #[test]

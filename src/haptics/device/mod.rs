@@ -32,6 +32,7 @@ pub mod spacemouse;
 
 pub use clock::device_clock_s;
 pub use fault::DeviceFault;
+pub(crate) use info::PASSIVE_SHARE;
 pub use info::{DeviceInfo, DeviceKind, DeviceLimits};
 pub use manager::{DeviceManager, DeviceNews, ManagedDevice};
 pub use none::{NoBackend, NoDevice};

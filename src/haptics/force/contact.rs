@@ -3,6 +3,7 @@
 use super::SurfaceFeel;
 use super::half_space::HalfSpace;
 use super::proxy::Reach;
+use crate::organ::closest::on_segment;
 use glam::DVec3;
 
 /// Outline of a contact.
@@ -62,7 +63,7 @@ impl ContactPatch {
             }
             ContactShape::Ball { centre_m, radius_m } => {
                 let centre_m = centre_m + lag_m;
-                let tool_m = super::closest::on_segment(centre_m, reach.segment_m);
+                let tool_m = on_segment(centre_m, reach.segment_m);
                 let Some(normal) = (tool_m - centre_m).try_normalize() else { return };
                 (normal, centre_m + normal * radius_m)
             }

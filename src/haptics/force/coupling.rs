@@ -1,7 +1,7 @@
 //! The spring and damper between the handle and the proxy: as stiff as wanted, as the device bears, and as sampling allows.
 
 use super::SurfaceFeel;
-use crate::haptics::device::DeviceLimits;
+use crate::haptics::device::{DeviceLimits, PASSIVE_SHARE};
 
 /// What the loop may couple with, in the world's metres.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -14,9 +14,6 @@ pub struct Coupling {
     /// Newtons per metre at the handle for one in the world.
     hand_from_world: f64,
 }
-
-/// Share of what is passive in theory that is used: the device's friction is not known better.
-const MARGIN: f64 = 0.9;
 
 impl Coupling {
     /// For a device, a period of the loop, and a rig: a metre at the handle is `scale` metres in the world, and a newton in the world
@@ -35,7 +32,7 @@ impl Coupling {
 
     /// The stiffest spring in the world's metres: within the device's limit and `K < 2 b / T`.
     pub fn max_stiffness_n_per_m(&self) -> f64 {
-        let stable = MARGIN * 2.0 * self.own_damping_n_s_per_m / self.period_s;
+        let stable = PASSIVE_SHARE * 2.0 * self.own_damping_n_s_per_m / self.period_s;
         self.in_world(self.max_stiffness_n_per_m.min(stable))
     }
 
@@ -48,7 +45,7 @@ impl Coupling {
     pub fn limited(&self, feel: &SurfaceFeel) -> (f64, f64) {
         let stiffness = feel.stiffness_n_per_m.min(self.max_stiffness_n_per_m()).max(0.0);
         let at_the_hand = stiffness * self.hand_from_world;
-        let left = MARGIN * self.own_damping_n_s_per_m - at_the_hand * self.period_s * 0.5;
+        let left = PASSIVE_SHARE * self.own_damping_n_s_per_m - at_the_hand * self.period_s * 0.5;
         let critical = 2.0 * (self.own_mass_kg * at_the_hand).sqrt();
         let most = left.min(critical).min(self.max_damping_n_s_per_m).max(0.0);
         (stiffness, feel.damping_n_s_per_m.min(self.in_world(most)).max(0.0))

@@ -8,7 +8,6 @@
 mod bone;
 mod burr;
 mod bvh;
-mod closest;
 mod contact;
 mod coupling;
 mod half_space;

@@ -2,9 +2,9 @@
 
 use super::SurfaceFeel;
 use super::bvh::{BoxTree, NearLeaves};
-use super::closest::{of_segment_and_triangle, on_triangle};
 use super::half_space::HalfSpace;
 use super::proxy::Reach;
+use crate::organ::closest::{of_segment_and_triangle, on_triangle};
 use glam::{DVec3, Vec3};
 
 /// Triangles of a surface in the world, at two times. The loop shows it moving from the one to the other, so that what the
@@ -126,8 +126,9 @@ impl SurfacePatch {
             let Some(corners) = self.corners(triangle, reach.share) else { return };
             let (tool_m, surface_m) =
                 if is_ball { (a, on_triangle(a, corners)) } else { of_segment_and_triangle(reach.segment_m, corners) };
-            let distance_m = tool_m.distance(surface_m);
-            if distance_m <= reach.radius_m + reach.step_m {
+            let distance2 = tool_m.distance_squared(surface_m);
+            if distance2 <= beyond.x * beyond.x {
+                let distance_m = distance2.sqrt();
                 order.push((distance_m, triangle, near.len() as u32));
                 near.push(Near { distance_m, triangle, corners, tool_m, surface_m });
             }
