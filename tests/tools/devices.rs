@@ -51,3 +51,49 @@ fn a_device_that_is_not_there_is_refused_with_a_name_and_the_app_goes_on() {
     assert_eq!(app.world().get::<ServoSession>(tool).expect("a session").device().id, "hand:gamepad");
     assert!(app.world().get::<DeviceRefused>(tool).is_none());
 }
+
+/// A gamepad that is told of as a driver would.
+#[cfg(feature = "render")]
+#[test]
+fn a_gamepad_moves_its_hand_and_rumbles() {
+    use bevy::input::InputPlugin;
+    use bevy::input::gamepad::{
+        GamepadAxis, GamepadButton, GamepadConnection, GamepadConnectionEvent, GamepadRumbleRequest,
+        RawGamepadAxisChangedEvent, RawGamepadButtonChangedEvent, RawGamepadEvent,
+    };
+    use bevy_surgery::haptics::device::hand::HandDevice;
+    use bevy_surgery::haptics::device::{DeviceKind, DeviceOutput, HapticDevice};
+    let mut app = TestApp::cpu();
+    app.add_plugins(InputPlugin);
+    let devices = Devices::new().expect("a thread");
+    let hand = devices.gamepad.clone();
+    app.insert_resource(devices);
+    let gamepad = app.world_mut().spawn_empty().id();
+    let connection = GamepadConnection::Connected { name: "pad".into(), vendor_id: None, product_id: None };
+    let tell = |app: &mut TestApp, event: RawGamepadEvent| {
+        app.world_mut().write_message(event);
+    };
+    tell(&mut app, RawGamepadEvent::Connection(GamepadConnectionEvent::new(gamepad, connection)));
+    // It is there an update after it was told of.
+    app.idle();
+    app.idle();
+    let axis = |axis, value| RawGamepadEvent::Axis(RawGamepadAxisChangedEvent::new(gamepad, axis, value));
+    let button = |button, value| RawGamepadEvent::Button(RawGamepadButtonChangedEvent::new(gamepad, button, value));
+    tell(&mut app, axis(GamepadAxis::LeftStickX, 1.0));
+    tell(&mut app, axis(GamepadAxis::RightStickY, 1.0));
+    tell(&mut app, button(GamepadButton::RightTrigger2, 0.6));
+    tell(&mut app, button(GamepadButton::East, 1.0));
+    app.step(4);
+    let sample = hand.sample();
+    // Four steps of a sixtieth at 4 cm/s.
+    let expected_m = DVec3::new(1.0, 0.0, -1.0) * (0.04 * 4.0 / 60.0);
+    assert!(sample.position_m.distance(expected_m) < 1e-4, "right and away: {}", sample.position_m);
+    assert_eq!((sample.buttons, sample.axes[1]), (2, 0.0));
+    assert!((sample.axes[0] - 0.6).abs() < 0.05, "{:?}", sample.axes);
+    // A force on the hand is a rumble.
+    let mut device = HandDevice::new(DeviceKind::Gamepad, "gamepad", hand);
+    device.write(&DeviceOutput { rumble: 0.5, ..default() }).expect("a mailbox");
+    app.step(1);
+    let is_half = |rumble: &GamepadRumbleRequest| matches!(rumble, GamepadRumbleRequest::Add { intensity, .. } if intensity.weak_motor == 0.5);
+    assert!(written::<GamepadRumbleRequest>(&app).iter().any(is_half));
+}
