@@ -73,9 +73,7 @@ fn a_gamepad_moves_its_hand_and_rumbles() {
     let tell = |app: &mut TestApp, event: RawGamepadEvent| {
         app.world_mut().write_message(event);
     };
-    tell(&mut app, RawGamepadEvent::Connection(GamepadConnectionEvent::new(gamepad, connection)));
-    // It is there an update after it was told of.
-    app.idle();
+    app.world_mut().write_message(GamepadConnectionEvent::new(gamepad, connection));
     app.idle();
     let axis = |axis, value| RawGamepadEvent::Axis(RawGamepadAxisChangedEvent::new(gamepad, axis, value));
     let button = |button, value| RawGamepadEvent::Button(RawGamepadButtonChangedEvent::new(gamepad, button, value));
