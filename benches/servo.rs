@@ -16,6 +16,9 @@ use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 const TIP: [ToolCapsule; 1] = [ToolCapsule { ends_m: [DVec3::ZERO; 2], radius_m: 1.5e-3 }];
+/// With a shaft that lies aslant, so that a box around it would hold most of an organ.
+const PROBE: [ToolCapsule; 2] =
+    [TIP[0], ToolCapsule { ends_m: [DVec3::ZERO, DVec3::new(0.08, 0.06, 0.03)], radius_m: 2e-3 }];
 const RADIUS_M: f32 = 0.07;
 /// Half a millimetre.
 const SWING: f32 = 0.007;
@@ -94,22 +97,24 @@ fn forces(criterion: &mut Criterion) {
     let coupling = Coupling::new(&DeviceLimits::OMEGA, 1e-3, 1.0, 1.0);
     let mut tick = 0;
     // Triangles as many as in the meshes that others are measured with: 30,726 and 4,384.
-    for (name, size, swing) in [
-        ("29,584 moving triangles", FINE, SWING),
-        ("29,584 triangles", FINE, 0.0),
-        ("4,356 moving triangles", COARSE, SWING),
-        ("4,356 triangles", COARSE, 0.0),
+    for (name, size, swing, tool) in [
+        ("proxy on 29,584 moving triangles", FINE, SWING, &TIP[..]),
+        ("proxy on 29,584 triangles", FINE, 0.0, &TIP[..]),
+        ("proxy on 4,356 moving triangles", COARSE, SWING, &TIP[..]),
+        ("proxy on 4,356 triangles", COARSE, 0.0, &TIP[..]),
+        ("tip and shaft on 29,584 moving triangles", FINE, SWING, &PROBE[..]),
+        ("tip and shaft on 4,356 moving triangles", COARSE, SWING, &PROBE[..]),
     ] {
         let patch = organ(size, swing);
         let obstacles = [Obstacle::Surface(&patch)];
         let mut proxy = Proxy::default();
-        proxy.step(DVec3::Y * 0.2, DVec3::ZERO, &TIP, &obstacles, [0.0; 2], &coupling);
+        proxy.step(DVec3::Y * 0.2, DVec3::ZERO, tool, &obstacles, [0.0; 2], &coupling);
         let mut rubbing = |tick: u32| {
             let shares = [tick % 16, tick % 16 + 1].map(|at| f64::from(at) / 16.0);
-            black_box(proxy.step(rub(tick), DVec3::ZERO, &TIP, &obstacles, shares, &coupling));
+            black_box(proxy.step(rub(tick), DVec3::ZERO, tool, &obstacles, shares, &coupling));
         };
-        spread(&format!("proxy on {name}"), &mut rubbing);
-        group.bench_function(format!("proxy on {name}"), |bench| {
+        spread(name, &mut rubbing);
+        group.bench_function(name, |bench| {
             bench.iter(|| {
                 tick += 1;
                 rubbing(tick);

@@ -212,6 +212,71 @@ fn a_shaft_leans_on_an_edge() {
     assert!((done.force_n - DVec3::Y * 3.5).length() < 1e-3, "{}", done.force_n);
 }
 
+/// A tip and a shaft from it.
+fn probe(shaft_m: DVec3) -> [ToolCapsule; 2] {
+    [
+        ToolCapsule { ends_m: [DVec3::ZERO; 2], radius_m: 1.5e-3 },
+        ToolCapsule { ends_m: [DVec3::ZERO, shaft_m], radius_m: 2e-3 },
+    ]
+}
+
+#[test]
+fn what_is_remembered_of_a_patch_changes_nothing() {
+    let (places, triangles) = ball(0.02, 4);
+    let patch = || SurfacePatch::new(places.clone(), triangles.clone(), ROUGH);
+    let (old, mut proxies) = (patch(), [Proxy::default(), Proxy::default()]);
+    let mut most = 0;
+    for at in 0..600 {
+        let turn = f64::from(at) * 0.01;
+        // Round the ball and deep in it, with a shaft that swings; now and then a jump.
+        let above_m = if at % 97 == 0 { 0.06 } else { (0.05 - 1e-3 * f64::from(at)).max(0.012) };
+        let goal_m = DVec3::new(turn.cos(), 0.6 * (turn * 0.7).sin(), turn.sin()) * above_m;
+        let shaft_m = DVec3::new((turn * 3.0).cos(), 1.0, (turn * 5.0).sin()) * 0.05;
+        // A patch that is made anew has nothing that could be remembered.
+        let new = patch();
+        let [kept, fresh] = [(0, &old), (1, &new)].map(|(of, patch)| {
+            let obstacles = [Obstacle::Surface(patch)];
+            let done = proxies[of].step(goal_m, DVec3::ZERO, &probe(shaft_m), &obstacles, [1.0; 2], &coupling());
+            (done, proxies[of].place_m())
+        });
+        assert_eq!(kept, fresh, "tick {at}");
+        most = most.max(kept.0.count);
+    }
+    assert!(most > 1, "it touches");
+}
+
+#[test]
+fn another_patch_is_looked_at_anew() {
+    let floors = |from: i32| {
+        let square =
+            |x: i32| [[0, -1], [0, 1], [1, 1], [1, -1]].map(|[dx, z]| Vec3::new((x + dx) as f32, 0.0, z as f32) * 0.01);
+        walls(&(from..8).map(square).collect::<Vec<_>>())
+    };
+    let mut proxy = Proxy::default();
+    for patch in [floors(-8), floors(-80), floors(-8)] {
+        let floor = [Obstacle::Surface(&patch)];
+        go(&mut proxy, [DVec3::Y * 1.5e-3, DVec3::Y * -3e-3], 20, &floor);
+        go(&mut proxy, [DVec3::Y * -3e-3; 2], 2, &floor);
+        assert!(proxy.place_m().distance(DVec3::Y * 1e-3) < 1e-6, "{}", proxy.place_m());
+    }
+}
+
+#[test]
+fn a_shaft_rests_on_a_spike() {
+    // Its box has the point in a corner, as far from the middle as can be.
+    let (tip, aside) = (Vec3::ZERO, Vec3::new(1e-4, -1e-4, 0.0));
+    let foot = Vec3::splat(-0.01);
+    let patch = SurfacePatch::new(vec![tip, foot + aside, foot - aside], vec![[0, 1, 2]], SMOOTH);
+    let (up, along) = (DVec3::ONE.normalize(), DVec3::new(1.0, 1.0, -2.0).normalize());
+    let tool = probe(along * 0.1);
+    let mut proxy = Proxy::default();
+    for at in 0..=40 {
+        let goal_m = up * (0.01 - 0.3e-3 * f64::from(at)) - along * 0.04;
+        proxy.step(goal_m, DVec3::ZERO, &tool, &[Obstacle::Surface(&patch)], [1.0; 2], &coupling());
+    }
+    assert!((proxy.place_m().dot(up) - 2e-3).abs() < 2e-6, "{}", proxy.place_m().dot(up));
+}
+
 #[test]
 fn one_that_begins_inside_is_let_out() {
     let (places, triangles) = ball(0.02, 3);
@@ -262,6 +327,37 @@ proptest! {
                 }
             }
         }
+    }
+
+    #[test]
+    fn a_shaft_aslant_never_enters_either(
+        along in (-1.0..1.0_f64, -1.0..1.0_f64, -1.0..1.0_f64),
+        aside in (-1.0..1.0_f64, -1.0..1.0_f64, -1.0..1.0_f64),
+        slides_m in -0.02..0.02_f64,
+        length_m in 0.06..0.12_f64,
+        splits in 1..5_u32,
+    ) {
+        let (Some(along), aside) = (DVec3::from(along).try_normalize(), DVec3::from(aside)) else { return Ok(()) };
+        let Some(aside) = aside.reject_from_normalized(along).try_normalize() else { return Ok(()) };
+        let (places, triangles) = ball(0.02, splits);
+        let patch = SurfacePatch::new(places.clone(), triangles, SMOOTH);
+        let tool = probe(along * length_m);
+        let mut proxy = Proxy::default();
+        let mut done = Default::default();
+        for at in 0..=60 {
+            // The middle of the shaft comes from the side and goes on to near the middle of the ball.
+            let share = f64::from(at) / 60.0;
+            let middle_m = aside * (0.05 - 0.045 * share) + along * (slides_m * share);
+            let goal_m = middle_m - along * (0.5 * length_m);
+            done = proxy.step(goal_m, DVec3::ZERO, &tool, &[Obstacle::Surface(&patch)], [1.0; 2], &coupling());
+            let nearest_m = places.iter().map(|place| {
+                let from_m = place.as_dvec3() - proxy.place_m();
+                (from_m - along * from_m.dot(along).clamp(0.0, length_m)).length()
+            });
+            let nearest_m = nearest_m.fold(f64::INFINITY, f64::min);
+            prop_assert!(nearest_m > 2e-3 - 2e-6, "{nearest_m} at {at}");
+        }
+        prop_assert!(done.count > 0 && done.force_n.dot(aside) > 0.0, "{:?}", done);
     }
 
     #[test]

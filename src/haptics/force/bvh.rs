@@ -4,7 +4,7 @@
 //! the tree needs no search when it is made, sixty times a second, and four boxes are compared at once when it is asked, a thousand
 //! times a second.
 
-use glam::{BVec4A, Vec3, Vec3A, Vec4};
+use glam::{DVec3, Vec3, Vec3A, Vec4};
 use std::sync::atomic::{AtomicU64, Ordering};
 
 /// Four boxes, an axis each in its own lanes.
@@ -16,35 +16,76 @@ struct Four {
     below: u32,
 }
 
-/// Contains nothing and meets nothing.
-const EMPTY: Four = Four { min: [Vec4::INFINITY; 3], max: [Vec4::NEG_INFINITY; 3], below: 0 };
-
 impl Four {
-    fn set(&mut self, lane: usize, [min, max]: [Vec3; 2]) {
-        for axis in 0..3 {
-            self.min[axis][lane] = min[axis];
-            self.max[axis][lane] = max[axis];
+    /// Around up to four boxes; lanes without one contain nothing and meet nothing.
+    fn of(boxes: &[[Vec3A; 2]], below: u32) -> Self {
+        let (mut min, mut max) = ([[f32::INFINITY; 4]; 3], [[f32::NEG_INFINITY; 4]; 3]);
+        for (lane, [least, greatest]) in boxes.iter().enumerate() {
+            for axis in 0..3 {
+                (min[axis][lane], max[axis][lane]) = (least[axis], greatest[axis]);
+            }
         }
+        Self { min: min.map(Vec4::from_array), max: max.map(Vec4::from_array), below }
     }
 
-    /// The box around all four.
-    fn bounds(&self) -> [Vec3; 2] {
-        [Vec3::from_array(self.min.map(Vec4::min_element)), Vec3::from_array(self.max.map(Vec4::max_element))]
+    /// Which of the four may be within reach.
+    fn hits(&self, look: &Look) -> u32 {
+        if look.is_ball { self.hits_ball(look) } else { self.hits_capsule(look) }
     }
 
-    /// Which of the four a ball meets, by the square of its radius.
-    fn hits_ball(&self, middle: &[Vec4; 3], radius2: Vec4) -> u32 {
+    fn hits_ball(&self, look: &Look) -> u32 {
         let beyond = |axis: usize| {
-            let way = (self.min[axis] - middle[axis]).max(middle[axis] - self.max[axis]).max(Vec4::ZERO);
+            let way = (self.min[axis] - look.from[axis]).max(look.from[axis] - self.max[axis]).max(Vec4::ZERO);
             way * way
         };
-        (beyond(0) + beyond(1) + beyond(2)).cmple(radius2).bitmask()
+        (beyond(0) + beyond(1) + beyond(2)).cmple(look.radius2).bitmask()
     }
 
-    /// Which of the four meet a box.
-    fn hits(&self, min: &[Vec4; 3], max: &[Vec4; 3]) -> u32 {
-        let along = |axis: usize| -> BVec4A { self.min[axis].cmple(max[axis]) & self.max[axis].cmpge(min[axis]) };
-        (along(0) & along(1) & along(2)).bitmask()
+    /// By the balls around the boxes: a box around a shaft that lies aslant would hold most of an organ.
+    fn hits_capsule(&self, look: &Look) -> u32 {
+        let from = |axis: usize| (self.min[axis] + self.max[axis]) * 0.5 - look.from[axis];
+        let along = from(0) * look.along[0] + from(1) * look.along[1] + from(2) * look.along[2];
+        let share = (along * look.per_length2).clamp(Vec4::ZERO, Vec4::ONE);
+        let square = |of: Vec4| of * of;
+        let aside2 = |axis: usize| square(from(axis) - look.along[axis] * share);
+        let half2 = |axis: usize| square((self.max[axis] - self.min[axis]) * 0.5);
+        let reach2 = look.radius2 + half2(0) + half2(1) + half2(2);
+        // Without a root: the square of a sum is at most twice the sum of the squares.
+        (aside2(0) + aside2(1) + aside2(2)).cmple(reach2 * 2.0).bitmask()
+    }
+}
+
+/// What looks for triangles: a ball, or a capsule.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Look {
+    ends: [Vec3; 2],
+    radius: f32,
+    from: [Vec4; 3],
+    along: [Vec4; 3],
+    per_length2: Vec4,
+    radius2: Vec4,
+    is_ball: bool,
+}
+
+impl Look {
+    /// Within a distance of a segment, which may be a point.
+    pub(super) fn new(segment_m: [DVec3; 2], radius_m: f64) -> Self {
+        // Rounding to single precision must not lose a triangle.
+        let largest_m = segment_m[0].abs().max(segment_m[1].abs()).max_element();
+        Self::within(segment_m.map(|end| end.as_vec3()), (radius_m + 1e-6 * (1.0 + largest_m)) as f32)
+    }
+
+    fn within(ends: [Vec3; 2], radius: f32) -> Self {
+        let along = ends[1] - ends[0];
+        Self {
+            ends,
+            radius,
+            from: ends[0].to_array().map(Vec4::splat),
+            along: along.to_array().map(Vec4::splat),
+            per_length2: Vec4::splat(along.length_squared().recip().min(f32::MAX)),
+            radius2: Vec4::splat(radius * radius),
+            is_ball: ends[0] == ends[1],
+        }
     }
 }
 
@@ -70,38 +111,31 @@ impl PartialEq for BoxTree {
 
 impl BoxTree {
     /// A tree over boxes.
-    pub(super) fn new(boxes: &[[Vec3; 2]]) -> Self {
+    pub(super) fn new(boxes: &[[Vec3A; 2]]) -> Self {
         if boxes.is_empty() {
             return Self::default();
         }
         let order = along_curve(boxes);
         let leaves = order.len().div_ceil(4);
         let mut nodes = Vec::with_capacity(leaves + leaves / 3 + 16);
-        for (leaf, triangles) in order.chunks(4).enumerate() {
-            let mut node = Four { below: leaf as u32 * 4, ..EMPTY };
-            triangles.iter().enumerate().for_each(|(lane, &triangle)| node.set(lane, boxes[triangle as usize]));
-            nodes.push(node);
-        }
-        let mut level = 0..leaves;
-        while level.len() > 1 {
-            for first in level.clone().step_by(4) {
-                let mut node = Four { below: first as u32, ..EMPTY };
-                #[allow(clippy::needless_range_loop, reason = "the number of the node is needed, too")]
-                for below in first..level.end.min(first + 4) {
-                    node.set(below - first, nodes[below].bounds());
-                }
-                nodes.push(node);
+        let mut level: Vec<[Vec3A; 2]> = order.iter().map(|&triangle| boxes[triangle as usize]).collect();
+        let mut first = 0;
+        loop {
+            let below = (first..).step_by(4);
+            first = nodes.len() as u32;
+            nodes.extend(level.chunks(4).zip(below).map(|(boxes, below)| Four::of(boxes, below)));
+            if level.len() <= 4 {
+                break;
             }
-            level = level.end..nodes.len();
+            level = level.chunks(4).map(around).collect();
         }
         let made = MADE.fetch_add(1, Ordering::Relaxed) + 1;
         Self { nodes, leaves: leaves as u32, order, made }
     }
 
-    /// Finds the leaves that meet a box.
-    fn find(&self, min: Vec3, max: Vec3, mut found: impl FnMut(&Four)) {
+    /// Finds the leaves that may have something within reach.
+    fn find(&self, look: &Look, mut found: impl FnMut(&Four)) {
         let Some(root) = self.nodes.len().checked_sub(1) else { return };
-        let (min, max) = (min.to_array().map(Vec4::splat), max.to_array().map(Vec4::splat));
         // Sixteen levels of four are as many triangles as have numbers; each leaves three nodes behind.
         let mut stack = [0_u32; 64];
         stack[0] = root as u32;
@@ -114,7 +148,7 @@ impl BoxTree {
                 found(node);
                 continue;
             }
-            let mut hits = node.hits(&min, &max);
+            let mut hits = node.hits(look);
             while hits != 0 {
                 stack[left] = node.below + hits.trailing_zeros();
                 left += 1;
@@ -131,57 +165,50 @@ impl BoxTree {
         }
     }
 
-    /// Visits the triangles whose boxes may meet a box.
-    pub(super) fn visit(&self, min: Vec3, max: Vec3, mut visit: impl FnMut(u32)) {
-        let ends = [min, max].map(|end| end.to_array().map(Vec4::splat));
-        self.find(min, max, |leaf| self.visit_leaf(leaf, leaf.hits(&ends[0], &ends[1]), &mut visit));
+    /// Visits the triangles that may be within reach.
+    pub(super) fn visit(&self, look: &Look, mut visit: impl FnMut(u32)) {
+        self.find(look, |leaf| self.visit_leaf(leaf, leaf.hits(look), &mut visit));
     }
 
-    /// The same, for one who asks again and again nearby, and for a ball where that is what the box is around.
-    pub(super) fn visit_near(
-        &self,
-        near: &mut NearLeaves,
-        [min, max]: [Vec3; 2],
-        ball: Option<(Vec3, f32)>,
-        mut visit: impl FnMut(u32),
-    ) {
+    /// The same, for one who asks again and again nearby.
+    pub(super) fn visit_near(&self, near: &mut NearLeaves, look: &Look, mut visit: impl FnMut(u32)) {
+        let strayed = look.ends[0].distance(near.ends[0]).max(look.ends[1].distance(near.ends[1]));
         // What was remembered for a much longer look holds too many to go through.
-        let is_far = || ((near.max - near.min).cmpgt((max - min) * 1.5 + 2.0 * MARGIN_M)).any();
-        if near.made != Some(self.made) || min.cmplt(near.min).any() || max.cmpgt(near.max).any() || is_far() {
-            let margin = MARGIN_M.min((max - min).min_element() * 0.25);
-            (near.made, near.min, near.max) = (Some(self.made), min - margin, max + margin);
+        let is_far = near.radius > look.radius * 1.5 + MARGIN_M;
+        if near.made != Some(self.made) || strayed + look.radius > near.radius || is_far {
+            (near.made, near.ends) = (Some(self.made), look.ends);
+            near.radius = look.radius + MARGIN_M.min(look.radius * 0.5);
             near.leaves.clear();
-            let leaf_of = |node: &Four| node.below / 4;
-            self.find(near.min, near.max, |leaf| near.leaves.push(leaf_of(leaf)));
+            self.find(&Look::within(near.ends, near.radius), |leaf| near.leaves.push(leaf.below / 4));
         }
-        let ends = [min, max].map(|end| end.to_array().map(Vec4::splat));
-        let ball = ball.map(|(middle, radius)| (middle.to_array().map(Vec4::splat), Vec4::splat(radius * radius)));
         for &place in &near.leaves {
             let leaf = &self.nodes[place as usize];
-            let hits = match &ball {
-                Some((middle, radius2)) => leaf.hits_ball(middle, *radius2),
-                None => leaf.hits(&ends[0], &ends[1]),
-            };
-            self.visit_leaf(leaf, hits, &mut visit);
+            self.visit_leaf(leaf, leaf.hits(look), &mut visit);
         }
     }
 }
 
-/// How much further on each side leaves are remembered, metres: some ticks of a fast hand.
+/// The box around some.
+fn around(boxes: &[[Vec3A; 2]]) -> [Vec3A; 2] {
+    boxes.iter().fold([Vec3A::INFINITY, Vec3A::NEG_INFINITY], |[min, max], of| [min.min(of[0]), max.max(of[1])])
+}
+
+/// How much further around leaves are remembered, metres: some ticks of a fast hand.
 const MARGIN_M: f32 = 0.5e-3;
 
 /// Leaves of a tree around a place: the next places are near.
 #[derive(Clone, Debug, Default)]
 pub(super) struct NearLeaves {
     made: Option<u64>,
-    min: Vec3,
-    max: Vec3,
+    /// The segment that they were looked for around, and how far around it.
+    ends: [Vec3; 2],
+    radius: f32,
     leaves: Vec<u32>,
 }
 
 /// Boxes in the order of their middles along a curve of Z shape; equal ones by number, so that the same boxes always come the same.
-fn along_curve(boxes: &[[Vec3; 2]]) -> Vec<u32> {
-    let middle = |&[min, max]: &[Vec3; 2]| Vec3A::from(min) + Vec3A::from(max);
+fn along_curve(boxes: &[[Vec3A; 2]]) -> Vec<u32> {
+    let middle = |&[min, max]: &[Vec3A; 2]| min + max;
     let (mut least, mut greatest) = (Vec3A::INFINITY, Vec3A::NEG_INFINITY);
     for at in boxes.iter().map(middle) {
         (least, greatest) = (least.min(at), greatest.max(at));

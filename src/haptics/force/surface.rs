@@ -1,11 +1,11 @@
 //! A piece of an organ's surface around the tool, that moves from where it was a step ago to where it is now.
 
 use super::SurfaceFeel;
-use super::bvh::{BoxTree, NearLeaves};
+use super::bvh::{BoxTree, Look, NearLeaves};
 use super::half_space::HalfSpace;
 use super::proxy::Reach;
 use crate::organ::closest::{of_segment_and_triangle, on_triangle};
-use glam::{DVec3, Vec3};
+use glam::{DVec3, Vec3, Vec3A};
 
 /// Triangles of a surface in the world, at two times. The loop shows it moving from the one to the other, so that what the
 /// simulation moves sixty times a second moves a thousand times. What was published as its end should be the start of the next.
@@ -56,12 +56,12 @@ impl SurfacePatch {
         let mut is_moving = false;
         let (from, to) = (if from_m.is_empty() { &to_m } else { &from_m }, &to_m);
         triangles.retain(|corners| {
-            let [a, b, c] = corners.map(|index| from.get(index as usize).copied().unwrap_or(Vec3::NAN));
+            let [a, b, c] = corners.map(|index| Vec3A::from(from.get(index as usize).copied().unwrap_or(Vec3::NAN)));
             // No number is greater than zero that comes of something that is none.
             let mut is_kept = (b - a).cross(c - a).length_squared() > 0.0;
             let (mut min, mut max) = (a.min(b).min(c), a.max(b).max(c));
             if is_kept && !from_m.is_empty() {
-                let ends = corners.map(|index| to[index as usize]);
+                let ends = corners.map(|index| Vec3A::from(to[index as usize]));
                 is_kept = ends.iter().all(|end| end.is_finite());
                 is_moving |= is_kept && ends != [a, b, c];
                 let [a, b, c] = ends;
@@ -116,18 +116,15 @@ impl SurfacePatch {
         let Around { leaves, near, order } = around;
         near.clear();
         order.clear();
-        let beyond = DVec3::splat(reach.radius_m + reach.step_m);
+        let beyond_m = reach.radius_m + reach.step_m;
         let [a, b] = reach.segment_m;
-        // Rounding to single precision must not lose a triangle.
-        let (min, max) = ((a.min(b) - beyond).as_vec3() - 1e-6, (a.max(b) + beyond).as_vec3() + 1e-6);
         let is_ball = a == b;
-        let ball = is_ball.then(|| (a.as_vec3(), beyond.x as f32 + 1e-6));
-        self.tree.visit_near(leaves, [min, max], ball, |triangle| {
+        self.tree.visit_near(leaves, &Look::new(reach.segment_m, beyond_m), |triangle| {
             let Some(corners) = self.corners(triangle, reach.share) else { return };
             let (tool_m, surface_m) =
                 if is_ball { (a, on_triangle(a, corners)) } else { of_segment_and_triangle(reach.segment_m, corners) };
             let distance2 = tool_m.distance_squared(surface_m);
-            if distance2 <= beyond.x * beyond.x {
+            if distance2 <= beyond_m * beyond_m {
                 let distance_m = distance2.sqrt();
                 order.push((distance_m, triangle, near.len() as u32));
                 near.push(Near { distance_m, triangle, corners, tool_m, surface_m });
@@ -204,9 +201,7 @@ impl SurfacePatch {
         // Ever further around, until what is nearest is surely among those seen.
         let mut radius_m = 1e-3;
         while radius_m < 1.0 && nearest > radius_m {
-            let around = DVec3::splat(radius_m);
-            let (min, max) = ((point - around).as_vec3() - 1e-6, (point + around).as_vec3() + 1e-6);
-            self.tree.visit(min, max, |triangle| look(triangle, &mut nearest));
+            self.tree.visit(&Look::new([point; 2], radius_m), |triangle| look(triangle, &mut nearest));
             radius_m *= 4.0;
         }
         height < 0.0
