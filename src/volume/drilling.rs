@@ -1,9 +1,10 @@
 //! Drilling in the ECS: who drills what is a message, what was removed is one too.
 
 use super::cut::{Burr, BurrPose, BurrStroke};
-use super::{CtVolume, CutVolume, DeformedVolume, Volume, VolumeGrid, VoxelBox, VoxelLattice};
+use super::rest::RestMap;
+use super::{CtVolume, CutVolume, DeformedVolume, Volume, VoxelBox};
 use crate::schedule::SurgerySystems;
-use bevy::math::{Affine3A, UVec3};
+use bevy::math::UVec3;
 use bevy::prelude::*;
 
 /// A burr that runs against a volume during this step. Written before [`SurgerySystems::Cut`], once per burr and step.
@@ -137,10 +138,10 @@ fn drill_volumes(
         };
         let mut burr = stroke.burr;
         let (mut from, mut to) = (pose(stroke.from_world), pose(stroke.to_world));
-        let rest = deformed.map(|deformed| RestPoses::new(deformed.lattice(), volume.grid()));
+        let rest = deformed.map(|deformed| RestMap::new(deformed.lattice(), volume.grid()));
         if let Some(rest) = &rest {
             burr.diameter_m *= rest.scale_at(to.centre_m);
-            (from, to) = (rest.of(from), rest.of(to));
+            (from, to) = (rest_pose(rest, from), rest_pose(rest, to));
         }
         let stroke_in_volume = BurrStroke { burr, from, to, force_n: stroke.force_n, speed_rpm: stroke.speed_rpm };
         // Looked at without noting a change: a burr that touches nothing changes nothing.
@@ -173,40 +174,9 @@ fn drill_volumes(
     }
 }
 
-/// Leads burrs from where they are shown to the matter at rest; in the volume's space, metres.
-struct RestPoses<'a> {
-    lattice: &'a VoxelLattice,
-    volume_from_voxel: Affine3A,
-    voxel_from_volume: Affine3A,
-}
-
-impl<'a> RestPoses<'a> {
-    fn new(lattice: &'a VoxelLattice, grid: &VolumeGrid) -> Self {
-        let volume_from_voxel = grid.volume_from_voxel();
-        Self { lattice, volume_from_voxel, voxel_from_volume: volume_from_voxel.inverse() }
-    }
-
-    fn of(&self, pose: BurrPose) -> BurrPose {
-        let shown = self.voxel_from_volume.transform_point3(pose.centre_m);
-        let axis = self.lattice.slope_at(shown) * self.voxel_from_volume.transform_vector3(pose.axis);
-        BurrPose {
-            centre_m: self.volume_from_voxel.transform_point3(self.lattice.rest_from_shown(shown)),
-            axis: self.volume_from_voxel.transform_vector3(axis),
-        }
-    }
-
-    /// Length at rest of what is shown as a length of 1, in the mean over all directions: so that a burr removes as much matter
-    /// as it covers.
-    fn scale_at(&self, shown_m: Vec3) -> f32 {
-        let volume = self.lattice.slope_at(self.voxel_from_volume.transform_point3(shown_m)).determinant();
-        if volume > 0.0 { volume.cbrt() } else { 1.0 }
-    }
-
-    /// Where matter is shown, to a thousandth of a voxel; where there is no such place, nearby.
-    fn shown(&self, rest_m: Vec3) -> Vec3 {
-        let rest = self.voxel_from_volume.transform_point3(rest_m);
-        self.volume_from_voxel.transform_point3(self.lattice.shown_from_rest(rest))
-    }
+/// A burr's pose at rest for the one that is shown.
+fn rest_pose(rest: &RestMap, shown: BurrPose) -> BurrPose {
+    BurrPose { centre_m: rest.rest(shown.centre_m), axis: rest.rest_direction(shown.axis, shown.centre_m) }
 }
 
 /// Volumes whose content was exchanged or modified in place.

@@ -22,6 +22,7 @@ mod pick_deformed;
 mod picking;
 #[cfg(feature = "render")]
 mod render;
+pub(crate) mod rest;
 pub mod software;
 pub mod structures;
 pub mod transfer;

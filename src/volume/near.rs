@@ -40,7 +40,7 @@ impl VolumePicker {
             return None;
         }
         let voxel = self.nearest_voxel(ends_m, max_distance_m, &remaining)?;
-        let middle_m = self.volume_from_voxel().transform_point3(voxel.as_dvec3());
+        let middle_m = self.volume_from_voxel.transform_point3(voxel.as_dvec3());
         let on_segment_m = on_segment(middle_m, ends_m);
         let label = self.structures().labels()[self.grid.index(voxel)];
         let hit = |height_m, position_m, normal| MatterHit { height_m, position_m, on_segment_m, normal, voxel, label };
@@ -75,7 +75,7 @@ impl VolumePicker {
         max_distance_m: f64,
         remaining: &impl Fn(UVec3) -> f32,
     ) -> Option<UVec3> {
-        let volume_from_voxel = self.volume_from_voxel();
+        let volume_from_voxel = self.volume_from_voxel;
         let edges_m =
             [volume_from_voxel.matrix3.x_axis, volume_from_voxel.matrix3.y_axis, volume_from_voxel.matrix3.z_axis];
         let [a, b, c] = edges_m;
@@ -152,11 +152,6 @@ impl VolumePicker {
             }
         }
         best.map(|(_, voxel)| voxel)
-    }
-
-    /// From voxel coordinates to the volume's space.
-    fn volume_from_voxel(&self) -> glam::DAffine3 {
-        self.voxel_from_volume.inverse()
     }
 }
 

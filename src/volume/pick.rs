@@ -26,6 +26,7 @@ const NUDGE_VOXELS: f64 = 1e-7;
 pub struct VolumePicker {
     pub(super) grid: VolumeGrid,
     structures: Arc<Structures>,
+    pub(super) volume_from_voxel: DAffine3,
     pub(super) voxel_from_volume: DAffine3,
     pub(super) volume_from_gradient: Mat3,
     blocks: UVec3,
@@ -78,7 +79,7 @@ impl VolumePicker {
         if structures.solid().len() != grid.count() || grid.size.min_element() == 0 {
             return None;
         }
-        let volume_from_voxel = DAffine3::from_cols_array(&grid.volume_from_voxel().to_cols_array().map(f64::from));
+        let volume_from_voxel = grid.volume_from_voxel().as_daffine3();
         let voxel_from_volume = volume_from_voxel.inverse();
         // Cells are numbered from the one before the first voxel: cell `c` is between the voxels `c - 1` and `c`.
         let blocks = grid.size / BLOCK_SIDE + 1;
@@ -90,6 +91,7 @@ impl VolumePicker {
         });
         Some(Self {
             grid,
+            volume_from_voxel,
             voxel_from_volume,
             volume_from_gradient: voxel_from_volume.matrix3.transpose().as_mat3(),
             blocks,

@@ -6,6 +6,7 @@ use crate::organ::pick::OrganPicker;
 use crate::organ::surface::Surface;
 use crate::volume::cut::CutVolume;
 use crate::volume::pick::VolumePicker;
+use crate::volume::rest::RestMap;
 use crate::volume::{VolumeGrid, VoxelLattice};
 use bevy::math::{Affine3A, DAffine3, DVec3, UVec3};
 
@@ -21,7 +22,7 @@ pub(super) struct Placed {
 impl Placed {
     /// None where it cannot be turned round.
     pub(super) fn new(world_from_body: Affine3A) -> Option<Self> {
-        let world_from_body = DAffine3::from_cols_array(&world_from_body.to_cols_array().map(f64::from));
+        let world_from_body = world_from_body.as_daffine3();
         let scale = world_from_body.matrix3.determinant().abs().cbrt();
         let body_from_world = world_from_body.inverse();
         let is_map = scale > 0.0 && world_from_body.is_finite() && body_from_world.is_finite();
@@ -93,52 +94,13 @@ impl Solid for VolumeBody<'_> {
             return Some(self.placed.in_world(hit.height_m, hit.position_m, hit.on_segment_m, hit.normal, matter));
         };
         // The matter at rest near where the rod would rest; its place and normal are then shown.
-        let map = Deformation::new(lattice, grid);
-        let rest_m = ends_m.map(|end| map.rest(end));
-        let stretch = map.rest_per_shown(ends_m[0]);
+        let map = RestMap::new(lattice, grid);
+        let rest_m = ends_m.map(|end| map.rest(end.as_vec3()).as_dvec3());
+        let stretch = f64::from(map.scale_at(ends_m[0].as_vec3()));
         let hit = self.picker.nearest_to_segment(rest_m, max_m * stretch, self.remaining())?;
-        let (point_m, on_segment_m) = (map.shown(hit.position_m), map.shown(hit.on_segment_m));
-        let normal = map.shown_normal(hit.normal, on_segment_m);
+        let [point_m, on_segment_m] = [hit.position_m, hit.on_segment_m].map(|rest| map.shown(rest.as_vec3()));
+        let normal = map.shown_normal(hit.normal.as_vec3(), on_segment_m).as_dvec3().normalize_or(hit.normal);
         let matter = ContactMatter::Volume { voxel: hit.voxel, label: hit.label };
-        Some(self.placed.in_world(hit.height_m / stretch, point_m, on_segment_m, normal, matter))
-    }
-}
-
-/// Between places that are shown and those at rest, in the volume's space.
-struct Deformation<'a> {
-    lattice: &'a VoxelLattice,
-    volume_from_voxel: Affine3A,
-    voxel_from_volume: Affine3A,
-}
-
-impl<'a> Deformation<'a> {
-    fn new(lattice: &'a VoxelLattice, grid: &VolumeGrid) -> Self {
-        let volume_from_voxel = grid.volume_from_voxel();
-        Self { lattice, volume_from_voxel, voxel_from_volume: volume_from_voxel.inverse() }
-    }
-
-    fn rest(&self, shown_m: DVec3) -> DVec3 {
-        let shown = self.voxel_from_volume.transform_point3(shown_m.as_vec3());
-        self.volume_from_voxel.transform_point3(self.lattice.rest_from_shown(shown)).as_dvec3()
-    }
-
-    fn shown(&self, rest_m: DVec3) -> DVec3 {
-        let rest = self.voxel_from_volume.transform_point3(rest_m.as_vec3());
-        self.volume_from_voxel.transform_point3(self.lattice.shown_from_rest(rest)).as_dvec3()
-    }
-
-    /// Length at rest of what is shown as a length of 1, in the mean.
-    fn rest_per_shown(&self, shown_m: DVec3) -> f64 {
-        let at = self.voxel_from_volume.transform_point3(shown_m.as_vec3());
-        let volume = f64::from(self.lattice.slope_at(at).determinant());
-        if volume > 0.0 { volume.cbrt() } else { 1.0 }
-    }
-
-    /// Normals go with the transpose of the way to rest.
-    fn shown_normal(&self, rest_normal: DVec3, shown_m: DVec3) -> DVec3 {
-        let at = self.voxel_from_volume.transform_point3(shown_m.as_vec3());
-        let (to_voxel, to_volume) = (self.voxel_from_volume.matrix3, self.volume_from_voxel.matrix3);
-        let rest_from_shown = to_volume * bevy::math::Mat3A::from(self.lattice.slope_at(at)) * to_voxel;
-        (rest_from_shown.transpose() * rest_normal.as_vec3a()).as_dvec3().normalize_or(rest_normal)
+        Some(self.placed.in_world(hit.height_m / stretch, point_m.as_dvec3(), on_segment_m.as_dvec3(), normal, matter))
     }
 }
