@@ -3,6 +3,8 @@
 mod args;
 #[allow(dead_code, reason = "not every example has instruments")]
 mod devices;
+#[allow(dead_code, reason = "not every example writes on the screen")]
+mod interface;
 mod recording;
 mod report;
 mod run;
@@ -13,6 +15,8 @@ mod volumes;
 pub use args::{Args, Backend, Script};
 #[allow(unused_imports, reason = "not every example uses every part")]
 pub use devices::hold_device;
+#[allow(unused_imports, reason = "not every example uses every part")]
+pub use interface::add_interface;
 #[allow(unused_imports, reason = "not every example uses every part")]
 pub use run::{Pictures, Stage, Viewer, main_with, organ};
 #[allow(unused_imports, reason = "not every example uses every part")]

@@ -1,14 +1,10 @@
 //! What the device says and what the loop does, in words: an aid for setting a device up.
 
-use crate::common::{Args, Backend};
+use crate::common::{Args, Backend, add_interface};
 use crate::objects::{Hardness, Object};
 use crate::{Hand, Viewpoint};
 use bevy::prelude::*;
-use bevy::sprite::SpritePlugin;
-use bevy::sprite_render::SpriteRenderPlugin;
-use bevy::text::{FontSize, TextPlugin};
-use bevy::ui::UiPlugin;
-use bevy::ui_render::UiRenderPlugin;
+use bevy::text::FontSize;
 use bevy_surgery::haptics::device::DeviceInfo;
 use bevy_surgery::haptics::servo::ServoState;
 use bevy_surgery::prelude::*;
@@ -34,10 +30,7 @@ pub fn build(app: &mut App) {
     if app.world().resource::<Args>().backend == Some(Backend::Cpu) {
         return;
     }
-    // Bevy's default plugins bring them along; a headless run has only what it was given.
-    if !app.is_plugin_added::<UiPlugin>() {
-        app.add_plugins((SpritePlugin, SpriteRenderPlugin, TextPlugin, UiPlugin, UiRenderPlugin));
-    }
+    add_interface(app);
     app.add_systems(Startup, spawn.after(crate::setup)).add_systems(Update, write);
 }
 

@@ -1,17 +1,13 @@
 //! The panel beside the round picture: the drill, what was removed, and what is near.
 
 use crate::Patient;
-use crate::common::{Args, Backend, Stage};
+use crate::common::{Args, Backend, Stage, add_interface};
 use crate::drill::{Danger, Drill, WARNING_MM};
 use crate::irrigate::{self, OtherHand};
 use bevy::camera::visibility::RenderLayers;
 use bevy::camera::{ClearColorConfig, Viewport};
 use bevy::prelude::*;
-use bevy::sprite::SpritePlugin;
-use bevy::sprite_render::SpriteRenderPlugin;
-use bevy::text::{FontSize, TextPlugin};
-use bevy::ui::UiPlugin;
-use bevy::ui_render::UiRenderPlugin;
+use bevy::text::FontSize;
 use bevy_surgery::pool::{PoolState, WaterBudget};
 use bevy_surgery::prelude::*;
 use bevy_surgery::volume::cut::BurrShape;
@@ -55,10 +51,7 @@ pub fn build(app: &mut App) {
     if app.world().resource::<Args>().backend == Some(Backend::Cpu) {
         return;
     }
-    // Bevy's default plugins bring them along; a headless run has only what it was given.
-    if !app.is_plugin_added::<UiPlugin>() {
-        app.add_plugins((SpritePlugin, SpriteRenderPlugin, TextPlugin, UiPlugin, UiRenderPlugin));
-    }
+    add_interface(app);
     app.add_systems(Startup, spawn_panel).add_systems(Update, (lay_out, write_lines));
 }
 

@@ -55,9 +55,14 @@ impl FaceTable {
 
     /// Texel that texture coordinates lie in; those outside the unit square go to the nearest.
     pub fn texel(&self, uv: DVec2) -> (u32, u32) {
-        let column = |share: f64, count: u32| ((share * f64::from(count)).max(0.0) as u32).min(count.saturating_sub(1));
-        (column(uv.x, self.width), column(uv.y, self.height))
+        texel_at(uv, self.width, self.height)
     }
+}
+
+/// Texel of a texture that texture coordinates lie in; those outside the unit square go to the nearest.
+pub(crate) fn texel_at(uv: DVec2, width: u32, height: u32) -> (u32, u32) {
+    let column = |share: f64, count: u32| ((share * f64::from(count)).max(0.0) as u32).min(count.saturating_sub(1));
+    (column(uv.x, width), column(uv.y, height))
 }
 
 fn centre_uv(x: u32, y: u32, width: u32, height: u32) -> DVec2 {

@@ -32,6 +32,7 @@
 //! ```
 
 mod act;
+mod bodies;
 mod contact;
 mod force;
 #[cfg(feature = "render")]

@@ -36,7 +36,7 @@ impl Default for ServoSettings {
 
 impl ServoSettings {
     /// With a period that is one.
-    pub(super) fn period_s(&self) -> f64 {
+    pub(crate) fn period_s(&self) -> f64 {
         if self.period_s.is_finite() { self.period_s.clamp(1e-4, 0.02) } else { 1e-3 }
     }
 }

@@ -3,7 +3,7 @@
 use crate::tools::state::ToolState;
 use crate::tools::{ContactMatter, Tool, ToolContacts, ToolForce, ToolKind, ToolMotion, ToolPart, ToolPlace, ToolWork};
 use crate::volume::cut::BurrPose;
-use crate::volume::{CtVolume, DrillVolume, Volume};
+use crate::volume::{DrillVolume, PickedVolume};
 use bevy::prelude::*;
 
 fn pose(place: &ToolPlace) -> BurrPose {
@@ -23,8 +23,7 @@ type Drilling = (
 /// Every volume near a burr that runs is told of it: also fluid over it is stirred.
 pub(super) fn drill(
     mut tools: Query<Drilling>,
-    bodies: Query<&CtVolume>,
-    volumes: Res<Assets<Volume>>,
+    volumes: Query<&PickedVolume>,
     mut strokes: MessageWriter<DrillVolume>,
 ) {
     for (entity, tool, motion, contacts, force, state, mut work) in &mut tools {
@@ -36,7 +35,7 @@ pub(super) fn drill(
         };
         let begins_stroke = state.before.pedal <= 0.0 || motion.from.is_none();
         let (mut pressed_n, mut share, mut hardness) = (0.0_f32, 0.0_f32, 1.0);
-        for &volume in contacts.near.iter().filter(|body| bodies.contains(**body)) {
+        for &volume in contacts.near.iter().filter(|body| volumes.contains(**body)) {
             let contact = contacts.of(volume, ToolPart::Tip);
             let force_n = force.drilling_n.or(contact.map(|contact| contact.force_n)).unwrap_or(0.0).max(0.0);
             strokes.write(DrillVolume {
@@ -53,8 +52,9 @@ pub(super) fn drill(
             pressed_n = force_n;
             share = (contact.depth_m / tool.tip_radius_m().max(1e-6)).clamp(0.0, 1.0);
             let ContactMatter::Volume { label, .. } = contact.matter else { continue };
-            let structures = bodies.get(volume).ok().and_then(|source| volumes.get(&source.0)?.structures());
-            hardness = structures.and_then(|it| it.of_label(label)).map_or(1.0, |structure| structure.hardness);
+            let structure =
+                volumes.get(volume).ok().and_then(|PickedVolume(picker)| picker.structures().of_label(label));
+            hardness = structure.map_or(1.0, |structure| structure.hardness);
         }
         work.set_if_neq(ToolWork::Drilling { speed_rpm, force_n: pressed_n, contact: share, hardness });
     }

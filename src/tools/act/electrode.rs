@@ -1,7 +1,7 @@
 //! Electrodes burn organs and seal vessels in bone.
 
 use super::tool_number;
-use crate::organ::atlas::Atlas;
+use crate::organ::atlas::{Atlas, texel_at};
 use crate::organ::{Organ, OrganModel, SurfacePoint};
 use crate::pool::{BleedingControl, TreatBleeders};
 use crate::reactions::burn::Cautery;
@@ -18,7 +18,7 @@ const DRY_J_PER_MM2: f32 = 0.95;
 const SEAL_M: f32 = 2e-3;
 
 /// What an electrode gives now: coagulation under the pedal, cut under the second one.
-fn power(tool: &Tool, state: &ToolState) -> Option<(Cautery, bool)> {
+pub(super) fn power(tool: &Tool, state: &ToolState) -> Option<(Cautery, bool)> {
     let ToolKind::CauteryHook(electrodes) = tool.kind else { return None };
     if state.command.second_pedal >= ToolCommand::DOWN {
         return Some((electrodes.cut, false));
@@ -29,9 +29,8 @@ fn power(tool: &Tool, state: &ToolState) -> Option<(Cautery, bool)> {
 /// Water that is left in the tissue at a place, from 0 to 1.
 fn water(reactions: &ReactionModel, atlas: &Atlas, point: SurfacePoint) -> f32 {
     let size = reactions.size();
-    let uv = atlas.uv(point);
-    let texel = |share: f64, count: u32| ((share * f64::from(count)) as u32).min(count.saturating_sub(1));
-    let dose = reactions.heat().dose(texel(uv.x, size.width_px), texel(uv.y, size.height_px));
+    let (x, y) = texel_at(atlas.uv(point), size.width_px, size.height_px);
+    let dose = reactions.heat().dose(x, y);
     1.0 - (dose / DRY_J_PER_MM2).clamp(0.0, 1.0)
 }
 

@@ -1,10 +1,10 @@
 //! Instruments press: skin turns pale under them, and soft bodies give way.
 
-use super::tool_number;
+use super::{electrode, tool_number};
 use crate::deform::elastic::{ElasticBody, PressBody, ToolShape};
 use crate::reactions::{OrganTouch, ReactionAction, ReactionModel};
 use crate::tools::state::ToolState;
-use crate::tools::{ContactMatter, Tool, ToolCommand, ToolContacts, ToolKind, ToolMotion};
+use crate::tools::{ContactMatter, Tool, ToolContacts, ToolKind, ToolMotion};
 use bevy::prelude::*;
 
 /// Force at which all blood is pressed out of the skin, newtons.
@@ -57,7 +57,7 @@ pub(super) fn press_bodies(
 /// Before a burr that turns and an electrode with current on it tissue gives way by itself: they do not push it aside.
 fn works_without_pressing(tool: &Tool, state: &ToolState) -> bool {
     match tool.kind {
-        ToolKind::CauteryHook(_) => state.command.second_pedal >= ToolCommand::DOWN || state.is_pedal_down(),
+        ToolKind::CauteryHook(_) => electrode::power(tool, state).is_some(),
         ToolKind::Drill(_) => state.command.pedal > 0.0,
         _ => false,
     }

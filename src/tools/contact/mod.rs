@@ -11,9 +11,10 @@ pub use events::{ContactEvents, ContactPhase, ToolTouched};
 use super::TouchTools;
 use crate::organ::SurfacePoint;
 use bevy::prelude::*;
+use serde::{Deserialize, Serialize};
 
 /// Which part of a tool.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Hash, Reflect)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Hash, Reflect, Serialize, Deserialize)]
 pub enum ToolPart {
     /// The ball at its tip, or the burr.
     #[default]

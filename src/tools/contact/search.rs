@@ -3,14 +3,11 @@
 use super::bodies::{OrganBody, Placed, VolumeBody};
 use super::sweep::{Solid, sweep};
 use super::{Contact, NEAR_M, ToolContacts, ToolPart};
-use crate::deform::elastic::{BodyContact, ElasticBody};
+use crate::deform::elastic::BodyContact;
 use crate::haptics::force::SurfaceFeel;
-use crate::organ::pick::OrganPicker;
-use crate::organ::{Hollow, Organ, OrganModel, OrganShape};
+use crate::tools::bodies::Bodies;
 use crate::tools::pose::ToolPlace;
 use crate::tools::{Tool, ToolForce, ToolMotion, tool_number};
-use crate::volume::{CtVolume, CutVolume, DeformedVolume, PickedVolume, Volume};
-use bevy::ecs::system::SystemParam;
 use bevy::math::DVec3;
 use bevy::prelude::*;
 
@@ -20,35 +17,6 @@ const SEARCH_M: [f64; 2] = [NEAR_M, 2e-3];
 const DEEP_M: f64 = 0.1;
 /// Forces reckoned by depth grow no further, newtons.
 const MOST_FORCE_N: f64 = 20.0;
-
-type OrganParts = (
-    Entity,
-    &'static OrganPicker,
-    &'static OrganShape,
-    &'static Organ,
-    &'static GlobalTransform,
-    Has<Hollow>,
-    Option<&'static SurfaceFeel>,
-);
-type VolumeParts = (
-    Entity,
-    &'static PickedVolume,
-    &'static CutVolume,
-    &'static CtVolume,
-    &'static GlobalTransform,
-    Option<&'static DeformedVolume>,
-    Option<&'static SurfaceFeel>,
-);
-
-/// Everything that tools touch.
-#[derive(SystemParam)]
-pub(in crate::tools) struct Bodies<'w, 's> {
-    organs: Query<'w, 's, OrganParts>,
-    models: Res<'w, Assets<OrganModel>>,
-    volumes: Query<'w, 's, VolumeParts>,
-    assets: Res<'w, Assets<Volume>>,
-    soft: Query<'w, 's, (), With<ElasticBody>>,
-}
 
 /// Ends of a part of a tool at a place; a ball has both at one.
 fn ends(tool: &Tool, part: ToolPart, place: &ToolPlace) -> Option<([DVec3; 2], f64)> {
@@ -85,27 +53,23 @@ pub(in crate::tools) fn find_contacts(
             // A soft body gives way: what it answered last says more than how deep the tool is in its surface.
             let of_tool = answers.iter().filter(|answer| answer.body == body && answer.tool == number);
             let answered_n = of_tool.map(|answer| answer.force_world_n).sum::<Vec3>().length();
-            let is_soft = bodies.soft.contains(body);
+            let is_soft = bodies.is_soft(body);
             force.of_body_n(body).or(is_soft.then_some(answered_n))
         };
         let mut search =
             Search { tool, motion, known_n, before: &before, contacts: contacts.bypass_change_detection() };
         if tool.is_solid() && motion.to.is_some() {
-            for (entity, picker, shape, organ, transform, is_hollow, feel) in &bodies.organs {
-                let model = bodies.models.get(&organ.0).filter(|model| shape.is_of(model));
-                let (Some(model), Some(placed)) = (model, Placed::new(transform.affine())) else { continue };
-                let body = OrganBody { placed, picker, surface: model.surface(shape), is_hollow };
-                search.touch(entity, &body, feel.unwrap_or(&SurfaceFeel::LIVER), DEEP_M);
+            for organ in bodies.organs() {
+                let Some(placed) = Placed::new(organ.world_from_organ) else { continue };
+                let surface = organ.model.surface(&organ.shape);
+                let body = OrganBody { placed, picker: organ.picker, surface, is_hollow: organ.is_hollow };
+                search.touch(organ.entity, &body, &organ.feel, DEEP_M);
             }
-            for (entity, PickedVolume(picker), cut, source, transform, deformed, feel) in &bodies.volumes {
-                let Some(volume) = bodies.assets.get(&source.0).filter(|volume| volume.grid().size == cut.size())
-                else {
-                    continue;
-                };
-                let Some(placed) = Placed::new(transform.affine()) else { continue };
-                let lattice = deformed.map(|deformed| (deformed.lattice(), volume.grid()));
-                let body = VolumeBody { placed, picker, cut, lattice };
-                search.touch(entity, &body, feel.unwrap_or(&SurfaceFeel::BONE), 0.0);
+            for volume in bodies.volumes() {
+                let Some(placed) = Placed::new(volume.world_from_volume) else { continue };
+                let lattice = volume.deformed.map(|deformed| (deformed.lattice(), volume.picker.grid()));
+                let body = VolumeBody { placed, picker: volume.picker, cut: volume.cut, lattice };
+                search.touch(volume.entity, &body, &volume.feel, 0.0);
             }
             search.contacts.list.sort_by_key(|contact| (contact.body, contact.part));
             search.contacts.near.sort();

@@ -1,11 +1,10 @@
 //! What is left of volumes around a tool, as the loop wants it.
 
+use super::kept::Kept;
 use crate::haptics::force::{BoneBrick, BonePatch, SurfaceFeel};
-use crate::volume::pick::VolumePicker;
-use crate::volume::{CutVolume, VoxelBox, VoxelLattice};
-use bevy::math::{DAffine3, DVec3, UVec3};
-use bevy::prelude::*;
-use std::collections::BTreeMap;
+use crate::tools::bodies::TouchedVolume;
+use crate::volume::{DeformedVolume, VoxelBox};
+use bevy::math::{Affine3A, DAffine3, DVec3, UVec3};
 use std::sync::Arc;
 
 /// How far beyond a tip voxels are told of, metres: further than a hand gets between two steps at a surgeon's speeds.
@@ -18,72 +17,44 @@ const STRAY_SHARE: f64 = 0.35;
 /// A ball does not feel what is much finer than itself: its surface is made of voxels of up to this share of its radius.
 const COARSEST_SHARE: f64 = 0.35;
 
-/// What was told of volumes.
-#[derive(Default)]
-pub(super) struct BonePatches(BTreeMap<Entity, Told>);
-
-#[derive(Clone)]
-struct Told {
+/// What was told of a volume.
+pub(super) struct ToldBone {
     of: Arc<crate::volume::structures::Structures>,
     cut: (u64, u64),
     lattice: u64,
-    placed: DAffine3,
+    placed: Affine3A,
     tip: DVec3,
     feel: SurfaceFeel,
     voxels: VoxelBox,
     has_surface: bool,
     patch: Option<Arc<BonePatch>>,
-    is_new: bool,
 }
 
-/// A volume and what is left of it.
-pub(super) struct Bone<'a> {
-    pub(super) picker: &'a VolumePicker,
-    pub(super) cut: &'a CutVolume,
-    pub(super) lattice: Option<(&'a VoxelLattice, u64)>,
-    pub(super) world_from_volume: DAffine3,
-    pub(super) feel: SurfaceFeel,
+/// From voxels at rest to the world around a tip, and the tip in voxels at rest. Through a lattice by its slope there.
+fn map(bone: &TouchedVolume, tip_m: DVec3) -> (DAffine3, DVec3) {
+    let volume_from_voxel = bone.picker.grid().volume_from_voxel().as_daffine3();
+    let world_from_voxel = bone.world_from_volume.as_daffine3() * volume_from_voxel;
+    let shown = world_from_voxel.inverse().transform_point3(tip_m);
+    let Some(lattice) = bone.deformed.map(DeformedVolume::lattice) else { return (world_from_voxel, shown) };
+    let rest = lattice.rest_from_shown(shown.as_vec3()).as_dvec3();
+    let shown_per_rest = lattice.slope_at(shown.as_vec3()).inverse().as_dmat3();
+    if !shown_per_rest.is_finite() {
+        return (world_from_voxel, shown);
+    }
+    let shown_from_rest = DAffine3::from_mat3_translation(shown_per_rest, shown - shown_per_rest * rest);
+    (world_from_voxel * shown_from_rest, rest)
 }
 
-impl Bone<'_> {
-    /// From voxels at rest to the world around a tip, and the tip in voxels at rest. Through a lattice by its slope there.
-    fn map(&self, tip_m: DVec3) -> (DAffine3, DVec3) {
-        let grid = self.picker.grid();
-        let volume_from_voxel = DAffine3::from_cols_array(&grid.volume_from_voxel().to_cols_array().map(f64::from));
-        let world_from_voxel = self.world_from_volume * volume_from_voxel;
-        let shown = world_from_voxel.inverse().transform_point3(tip_m);
-        let Some((lattice, _)) = self.lattice else { return (world_from_voxel, shown) };
-        let rest = lattice.rest_from_shown(shown.as_vec3()).as_dvec3();
-        let shown_per_rest = lattice.slope_at(shown.as_vec3()).inverse().as_dmat3();
-        if !shown_per_rest.is_finite() {
-            return (world_from_voxel, shown);
-        }
-        let shown_from_rest = DAffine3::from_mat3_translation(shown_per_rest, shown - shown_per_rest * rest);
-        (world_from_voxel * shown_from_rest, rest)
-    }
-}
-
-impl BonePatches {
-    pub(super) fn begin(&mut self) {
-        for told in self.0.values_mut() {
-            told.is_new = false;
-        }
-    }
-
-    pub(super) fn end(&mut self) {
-        self.0.retain(|_, told| told.is_new);
-    }
-
+impl Kept<ToldBone> {
     /// The voxels around a tip of a radius and, unless a burr turns, their surface. None where there is nothing to touch.
     pub(super) fn patch(
         &mut self,
-        entity: Entity,
-        bone: &Bone,
+        bone: &TouchedVolume,
         tip_m: DVec3,
         tip_radius_m: f64,
         with_surface: bool,
     ) -> Option<Arc<BonePatch>> {
-        let (world_from_voxel, tip) = bone.map(tip_m);
+        let (world_from_voxel, tip) = map(bone, tip_m);
         if !(world_from_voxel.is_finite() && tip.is_finite()) {
             return None;
         }
@@ -95,9 +66,9 @@ impl BonePatches {
         let half =
             ((tip_radius_m + BEYOND_M) / (voxel_m * stride)).ceil().clamp(HALF_VOXELS[0], HALF_VOXELS[1]) * stride;
         let stray = (half - tip_radius_m / voxel_m).max(2.0) * STRAY_SHARE;
-        let lattice = bone.lattice.map_or(0, |(_, revision)| revision);
+        let lattice = bone.deformed.map_or(0, DeformedVolume::revision);
         let cut = (bone.cut.lineage(), bone.cut.revision());
-        if let Some(told) = self.0.get_mut(&entity) {
+        if let Some(told) = self.get(bone.entity) {
             let is_whole = cut == told.cut
                 || cut.0 == told.cut.0
                     && bone.cut.changes_since(told.cut.1).is_some_and(|changes| {
@@ -109,7 +80,8 @@ impl BonePatches {
                 && told.tip.distance(tip) <= stray
                 && (told.has_surface || !with_surface);
             if serves {
-                (told.is_new, told.cut) = (true, cut);
+                let told = self.keep(bone.entity)?;
+                told.cut = cut;
                 return told.patch.clone();
             }
         }
@@ -128,7 +100,7 @@ impl BonePatches {
                 BonePatch::voxels_only(brick, bone.feel)
             })
         });
-        let told = Told {
+        let told = ToldBone {
             of: bone.picker.structures().clone(),
             cut,
             lattice,
@@ -138,16 +110,15 @@ impl BonePatches {
             voxels,
             has_surface: with_surface,
             patch: patch.clone(),
-            is_new: true,
         };
-        self.0.insert(entity, told);
+        self.insert(bone.entity, told);
         patch
     }
 }
 
 /// Voxels of a box, with what is left of them; none where that is nothing. Where the box reaches the grid's side, a layer of air
 /// around it closes the surface.
-fn brick(bone: &Bone, of: VoxelBox, world_from_voxel: DAffine3, stride: u32) -> Option<BoneBrick> {
+fn brick(bone: &TouchedVolume, of: VoxelBox, world_from_voxel: DAffine3, stride: u32) -> Option<BoneBrick> {
     let (grid, structures) = (bone.picker.grid(), bone.picker.structures());
     let (size, margin) = (of.size(), UVec3::ONE);
     let mut left = vec![0; of.count()];

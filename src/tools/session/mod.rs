@@ -6,6 +6,7 @@
 
 mod bones;
 mod controls;
+mod kept;
 mod open;
 mod organs;
 mod publish;
@@ -14,6 +15,8 @@ mod soft;
 
 pub use controls::{DeviceControl, ToolControls};
 pub use open::{DeviceRefused, Devices, HoldDevice};
+
+use kept::Kept;
 
 use crate::haptics::device::{DeviceInfo, HapticDevice};
 use crate::haptics::servo::{ServoEngine, ServoFault, ServoLink, ServoSettings, ServoState, ServoThread};
@@ -47,9 +50,9 @@ enum Runner {
 #[derive(Default)]
 struct Memory {
     last: ServoState,
-    organs: organs::OrganPatches,
-    bones: bones::BonePatches,
-    soft: soft::SoftPatches,
+    organs: Kept<organs::ToldOrgan>,
+    bones: Kept<bones::ToldBone>,
+    soft: Kept<soft::Answer>,
 }
 
 /// The newest state of a tool's servo loop, for panels and reports.
@@ -110,7 +113,7 @@ impl ServoSession {
     /// Lives through a step, where that is ours to do.
     fn advance(&mut self, dt_s: f64) {
         let Runner::Steps(engine, owed_s) = self.runner.get() else { return };
-        let period_s = if self.settings.period_s > 0.0 { self.settings.period_s.clamp(1e-4, 0.02) } else { 1e-3 };
+        let period_s = self.settings.period_s();
         *owed_s += dt_s;
         // Half a period is not worth a tick; so rounding never costs one.
         while *owed_s >= 0.5 * period_s {
@@ -123,6 +126,11 @@ impl ServoSession {
 /// In [`SurgerySystems::Sense`]: devices become poses, commands and forces.
 #[derive(SystemSet, Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub struct SenseDevices;
+
+/// What a tool is called in messages.
+fn called(tool: Entity, name: Option<&Name>) -> String {
+    name.map_or_else(|| format!("tool {tool}"), |name| format!("tool \"{name}\""))
+}
 
 pub(super) fn build(app: &mut App) {
     app.register_type::<ServoReading>()

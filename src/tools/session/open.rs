@@ -1,6 +1,6 @@
 //! Devices by name: looked for, opened and joined to tools without anything having to wait for a driver.
 
-use super::ServoSession;
+use super::{ServoSession, called};
 use crate::haptics::device::hand::{Hand, HandBackend};
 use crate::haptics::device::{DeviceBackend, DeviceFault, DeviceInfo, DeviceManager, DeviceNews, ManagedDevice};
 use crate::haptics::servo::ServoSettings;
@@ -149,8 +149,7 @@ fn end_opening(mut commands: Commands, tools: Query<(Entity, &Opening, &HoldDevi
         match started {
             Ok(session) => tool.try_insert(session),
             Err(fault) => {
-                let name = name.map_or_else(|| format!("tool {entity}"), |name| format!("tool \"{name}\""));
-                warn!("{name} has no device: {fault}");
+                warn!("{} has no device: {fault}", called(entity, name));
                 tool.try_insert(DeviceRefused(fault))
             }
         };

@@ -1,19 +1,17 @@
 //! From the simulation to the servo loop: where the device stands, what the hand holds, what is near it.
 
-use super::bones::Bone;
 use super::organs::Around;
 use super::{Memory, ServoSession};
 use crate::deform::elastic::{BodyContact, GraspHeld};
 use crate::gravity::SurgeryGravity;
 use crate::haptics::force::{SurfaceFeel, ToolLoad, TurningBurr};
 use crate::haptics::servo::{MAX_BODIES, ServoBody, ServoRig, ServoScene, ServoShape, ServoTool};
-use crate::organ::pick::OrganPicker;
-use crate::organ::{Hollow, Organ, OrganModel, OrganShape, refit_pickers};
+use crate::organ::{OrganModel, refit_pickers};
 use crate::pool::SuctionState;
 use crate::schedule::SurgerySystems;
+use crate::tools::bodies::Bodies;
 use crate::tools::{RigFrame, Tool, ToolKind, ToolMotion, ToolRig, ToolState, tool_number};
-use crate::volume::{CtVolume, CutVolume, DeformedVolume, FollowLattices, PickedVolume};
-use bevy::ecs::system::SystemParam;
+use crate::volume::FollowLattices;
 use bevy::math::{DAffine3, DVec3};
 use bevy::prelude::*;
 
@@ -30,23 +28,6 @@ pub(super) fn build(app: &mut App) {
     );
 }
 
-type Organs = (
-    Entity,
-    &'static Organ,
-    Ref<'static, OrganShape>,
-    &'static OrganPicker,
-    &'static GlobalTransform,
-    Option<&'static SurfaceFeel>,
-    Has<Hollow>,
-);
-type Volumes = (
-    Entity,
-    &'static PickedVolume,
-    &'static CutVolume,
-    &'static GlobalTransform,
-    Option<&'static DeformedVolume>,
-    Option<&'static SurfaceFeel>,
-);
 type Held = (
     Entity,
     &'static Tool,
@@ -57,19 +38,11 @@ type Held = (
     Option<&'static SuctionState>,
 );
 
-/// What is felt.
-#[derive(SystemParam)]
-pub(super) struct Felt<'w, 's> {
-    organs: Query<'w, 's, Organs>,
-    models: Res<'w, Assets<OrganModel>>,
-    volumes: Query<'w, 's, Volumes, With<CtVolume>>,
-    gravity: Res<'w, SurgeryGravity>,
-}
-
 fn publish_scenes(
     mut tools: Query<Held>,
     frames: Query<&GlobalTransform>,
-    felt: Felt,
+    felt: Bodies,
+    gravity: Res<SurgeryGravity>,
     mut answers: MessageReader<BodyContact>,
     mut held: MessageReader<GraspHeld>,
     time: Res<Time>,
@@ -93,7 +66,7 @@ fn publish_scenes(
         let load = ToolLoad {
             mass_kg: f64::from(tool.geometry.mass_kg),
             held_mass_kg: 0.0,
-            gravity_m_per_s2: felt.gravity.world_m_per_s2.as_dvec3(),
+            gravity_m_per_s2: gravity.world_m_per_s2.as_dvec3(),
             drag_n_s_per_m: suction.map_or(0.0, |took| {
                 let liquid = if took.fluid_ml_s > 0.0 { f64::from(1.0 - took.air_share) } else { 0.0 };
                 SUCTION_DRAG_N_S_PER_M * liquid
@@ -141,7 +114,7 @@ fn bodies<'a>(
     memory: &mut Memory,
     tool: &Tool,
     servo_tool: &ServoTool,
-    felt: &Felt,
+    felt: &Bodies,
     answers: impl Iterator<Item = &'a BodyContact>,
     pressed_m: Option<DVec3>,
 ) -> Vec<ServoBody> {
@@ -153,44 +126,36 @@ fn bodies<'a>(
     let back_m = tip_m + last.world_from_tool * DVec3::Z * servo_tool.shaft_length_m.max(0.0);
     let around = Around { tip_m, back_m };
     let tip_radius_m = f64::from(tool.tip_radius_m());
-    let feel_of = |feel: Option<&SurfaceFeel>, else_: SurfaceFeel| feel.copied().unwrap_or(else_);
     organs.begin();
     bones.begin();
     soft.begin();
     for answer in answers {
-        let feel = felt.organs.get(answer.body).ok().and_then(|(.., feel, _)| feel);
         // They answer to where the tool was pressed to, not to the proxy.
-        soft.take(answer, pressed_m.unwrap_or(tip_m), tip_radius_m, &feel_of(feel, SurfaceFeel::LIVER));
+        soft.take(answer, pressed_m.unwrap_or(tip_m), tip_radius_m, &felt.feel_of_organ(answer.body));
     }
     soft.end();
     let mut found: Vec<(f64, ServoBody)> = Vec::new();
-    for (entity, organ, shape, picker, transform, feel, is_hollow) in &felt.organs {
-        let Some(model) = felt.models.get(&organ.0).filter(|model| shape.is_of(model)) else { continue };
-        let placed = transform.affine();
-        if let Some(patch) = soft.patch(entity) {
-            organs.keep(entity, &shape, placed);
-            found.push((0.0, ServoBody { id: entity.to_bits(), shape: ServoShape::Contact(patch) }));
+    for organ in felt.organs() {
+        let id = organ.entity.to_bits();
+        if let Some(patch) = soft.patch(organ.entity) {
+            organs.remember(organ.entity, &organ.shape, organ.world_from_organ);
+            found.push((0.0, ServoBody { id, shape: ServoShape::Contact(patch) }));
             continue;
         }
-        let feel = feel_of(feel, SurfaceFeel::LIVER);
-        let is_solid = !is_hollow && model.atlas.is_spherical();
-        let patch = organs.patch(entity, (model, shape, picker), placed, is_solid, &feel, &around);
-        if let Some((distance_m, patch)) = patch {
-            found.push((distance_m, ServoBody { id: entity.to_bits(), shape: ServoShape::Surface(patch) }));
+        if let Some((distance_m, patch)) = organs.patch(&organ, &around) {
+            found.push((distance_m, ServoBody { id, shape: ServoShape::Surface(patch) }));
         }
     }
     organs.end();
     let is_turning = servo_tool.turning().is_some();
-    for (entity, PickedVolume(picker), cut, transform, deformed, feel) in &felt.volumes {
-        if let Some(patch) = soft.patch(entity) {
-            found.push((0.0, ServoBody { id: entity.to_bits(), shape: ServoShape::Contact(patch) }));
+    for volume in felt.volumes() {
+        let id = volume.entity.to_bits();
+        if let Some(patch) = soft.patch(volume.entity) {
+            found.push((0.0, ServoBody { id, shape: ServoShape::Contact(patch) }));
             continue;
         }
-        let world_from_volume = DAffine3::from_cols_array(&transform.affine().to_cols_array().map(f64::from));
-        let lattice = deformed.map(|deformed| (deformed.lattice(), deformed.revision()));
-        let bone = Bone { picker, cut, lattice, world_from_volume, feel: feel_of(feel, SurfaceFeel::BONE) };
-        if let Some(patch) = bones.patch(entity, &bone, tip_m, tip_radius_m, !is_turning) {
-            found.push((0.0, ServoBody { id: entity.to_bits(), shape: ServoShape::Bone(patch) }));
+        if let Some(patch) = bones.patch(&volume, tip_m, tip_radius_m, !is_turning) {
+            found.push((0.0, ServoBody { id, shape: ServoShape::Bone(patch) }));
         }
     }
     bones.end();

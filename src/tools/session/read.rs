@@ -1,7 +1,7 @@
 //! From the servo loop to the tool.
 
 use super::soft::pressed_in;
-use super::{ServoFaulted, ServoReading, ServoSession, ToolControls};
+use super::{ServoFaulted, ServoReading, ServoSession, ToolControls, called};
 use crate::deform::elastic::ElasticBody;
 use crate::haptics::servo::ServoState;
 use crate::tools::force::BodyForce;
@@ -35,8 +35,7 @@ pub(super) fn read_devices(
         session.advance(time.delta_secs_f64());
         let state = session.link.get().state();
         for fault in session.link.get().faults() {
-            let name = name.map_or_else(|| format!("tool {entity}"), |name| format!("tool \"{name}\""));
-            warn!("{name}: {fault}");
+            warn!("{}: {fault}", called(entity, name));
             faulted.write(ServoFaulted { tool: entity, fault });
         }
         let is_held = state.is_tracked && !state.is_over;

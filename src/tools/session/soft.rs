@@ -4,13 +4,13 @@
 //! proxy as far as the hand is, and the body's answer to that, a force at a depth, comes back as a plane with that stiffness
 //! ([`ContactPatch`]). The loop is never without one: until the body has answered, its surface is what the loop feels.
 
+use super::kept::Kept;
 use crate::deform::elastic::BodyContact;
 use crate::haptics::device::DeviceLimits;
 use crate::haptics::force::{ContactPatch, ContactShape, SurfaceFeel};
 use crate::haptics::servo::ServoState;
 use bevy::math::DVec3;
 use bevy::prelude::*;
-use std::collections::BTreeMap;
 
 /// No tool goes deeper into a soft body than this, metres, however far the hand is.
 const DEEPEST_M: f64 = 0.02;
@@ -37,26 +37,14 @@ pub(super) fn pressed_in(state: &ServoState, limits: &DeviceLimits, is_soft: imp
     proxy_m - firmest.normal * depth_m.min(most_m)
 }
 
-/// How the bodies that a tool presses have answered so far.
-#[derive(Default)]
-pub(super) struct SoftPatches(BTreeMap<Entity, Answer>);
-
-#[derive(Clone, Copy)]
-struct Answer {
+/// How a body that a tool presses has answered so far; one that does not answer in a step is not touched any more.
+pub(super) struct Answer {
     stiffness_n_per_m: f64,
     point_m: DVec3,
     patch: ContactPatch,
-    is_new: bool,
 }
 
-impl SoftPatches {
-    /// Begins a step: bodies that do not answer in it are not touched any more.
-    pub(super) fn begin(&mut self) {
-        for answer in self.0.values_mut() {
-            answer.is_new = false;
-        }
-    }
-
+impl Kept<Answer> {
     /// Takes the answer of a body to a tool with its tip there.
     pub(super) fn take(&mut self, contact: &BodyContact, tip_m: DVec3, tip_radius_m: f64, feel: &SurfaceFeel) {
         let force_n = contact.force_world_n.as_dvec3();
@@ -65,7 +53,7 @@ impl SoftPatches {
             return;
         }
         let found = strength_n / f64::from(contact.depth_m).max(2e-4);
-        let before = self.0.get(&contact.body);
+        let before = self.get(contact.body);
         let stiffness =
             before.map_or(found, |before| before.stiffness_n_per_m + NEW_SHARE * (found - before.stiffness_n_per_m));
         let stiffness_n_per_m = stiffness.clamp(STIFFNESS_N_PER_M[0], STIFFNESS_N_PER_M[1]);
@@ -74,16 +62,11 @@ impl SoftPatches {
         let moved_m = before.map_or(DVec3::ZERO, |before| normal * normal.dot(point_m - before.point_m));
         let shape = ContactShape::Plane { point_m, normal, radius_m: PLANE_M };
         let patch = ContactPatch { shape, moved_m, feel: SurfaceFeel { stiffness_n_per_m, ..*feel } };
-        self.0.insert(contact.body, Answer { stiffness_n_per_m, point_m, patch, is_new: true });
-    }
-
-    /// Ends a step.
-    pub(super) fn end(&mut self) {
-        self.0.retain(|_, answer| answer.is_new);
+        self.insert(contact.body, Answer { stiffness_n_per_m, point_m, patch });
     }
 
     /// The plane that stands for a body.
     pub(super) fn patch(&self, body: Entity) -> Option<ContactPatch> {
-        self.0.get(&body).map(|answer| answer.patch)
+        self.get(body).map(|answer| answer.patch)
     }
 }
