@@ -51,8 +51,8 @@ fn organ([rings, spokes]: [u32; 2], swing: f32) -> SurfacePatch {
     SurfacePatch::moving(all(0.0), all(swing), triangles, SurfaceFeel::LIVER)
 }
 
-/// Bone with cells, voxels of half a millimetre.
-fn bone(side: u32) -> BoneBrick {
+/// Bone with cells.
+fn bone(side: u32, voxel_m: f64) -> BoneBrick {
     let solid = (0..side.pow(3))
         .map(|i| {
             let [x, y, z] = [i % side, i / side % side, i / side / side].map(|at| at as f32);
@@ -60,7 +60,7 @@ fn bone(side: u32) -> BoneBrick {
             if y < side as f32 * 0.5 && cells > -0.5 { 255 } else { 0 }
         })
         .collect();
-    let map = DAffine3::from_scale(DVec3::splat(0.5e-3));
+    let map = DAffine3::from_scale(DVec3::splat(voxel_m));
     BoneBrick::new(UVec3::splat(side), solid, vec![1; side.pow(3) as usize], [1.0; 256], map).expect("a brick")
 }
 
@@ -121,12 +121,15 @@ fn forces(criterion: &mut Criterion) {
             });
         });
     }
-    let brick = bone(256);
-    let middle_m = |tick: u32| {
-        DVec3::new(0.064, 0.0645 - 1e-3 * (f64::from(tick) * 0.01).sin(), 0.064 + 1e-6 * f64::from(tick % 9999))
-    };
-    for (name, diameter_m) in [("8 voxels across", 4e-3), ("12 voxels across", 6e-3)] {
-        let burr = Burr { diameter_m, ..Burr::default() };
+    for across in [8.0, 12.0, 16.0] {
+        let name = format!("{across} voxels across");
+        let burr = Burr { diameter_m: 6e-3, ..Burr::default() };
+        let voxel_m = f64::from(burr.diameter_m) / across;
+        let brick = bone(256, voxel_m);
+        let middle_m = |tick: u32| {
+            let dips = 129.0 - 2.0 * (f64::from(tick) * 0.01).sin();
+            DVec3::new(128.0, dips, 128.0 + 0.002 * f64::from(tick % 9999)) * voxel_m
+        };
         let mut cover = |tick: u32| {
             black_box(overlap(&brick, &burr, middle_m(tick), DVec3::X));
         };
@@ -139,7 +142,7 @@ fn forces(criterion: &mut Criterion) {
         });
     }
     for side in [32, 40, 48] {
-        let patch = bone(side);
+        let patch = bone(side, 0.5e-3);
         group.bench_function(format!("surface of {side}^3 voxels, by the simulation"), |bench| {
             bench.iter(|| black_box(BonePatch::new(patch.clone(), SurfaceFeel::BONE)));
         });
@@ -189,7 +192,7 @@ fn loop_of(burr: bool) -> (ServoEngine, bevy_surgery::haptics::servo::ServoLink,
     let mut add = |shape| scene.bodies.push(ServoBody { id: 1, shape });
     add(ServoShape::Surface(Arc::new(organ(FINE, SWING))));
     if burr {
-        let plain = bone(256);
+        let plain = bone(256, 0.5e-3);
         let lowered = DAffine3::from_translation(DVec3::new(-0.064, -0.0005, -0.064)) * plain.world_from_voxel();
         let count = 256_usize.pow(3);
         let solid = (0..count as u32).map(|i| plain.solid(UVec3::new(i & 255, i >> 8 & 255, i >> 16))).collect();
