@@ -49,7 +49,7 @@ pub(crate) fn on_segment(point: DVec3, [from, to]: [DVec3; 2]) -> DVec3 {
 }
 
 /// The nearest places of two segments.
-fn of_segments([p, q]: [DVec3; 2], [r, s]: [DVec3; 2]) -> (DVec3, DVec3) {
+pub(crate) fn of_segments([p, q]: [DVec3; 2], [r, s]: [DVec3; 2]) -> (DVec3, DVec3) {
     let (u, v, w) = (q - p, s - r, p - r);
     let (a, b, c, d, e) = (u.dot(u), u.dot(v), v.dot(v), u.dot(w), v.dot(w));
     let determinant = a * c - b * b;

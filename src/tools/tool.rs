@@ -12,7 +12,7 @@ use serde::{Deserialize, Serialize};
 #[derive(Component, Clone, Debug, Default, PartialEq, Reflect, Serialize, Deserialize)]
 #[reflect(Component, Default, Clone)]
 #[require(Transform, ToolPose, ToolCommand, ToolMotion, ToolContacts, ToolForce, ToolWork)]
-#[serde(default)]
+#[serde(default, deny_unknown_fields)]
 pub struct Tool {
     /// What it is.
     pub kind: ToolKind,
@@ -55,7 +55,7 @@ pub enum ToolKind {
 
 /// Jaws of a grasper.
 #[derive(Clone, Copy, Debug, PartialEq, Reflect, Serialize, Deserialize)]
-#[serde(default)]
+#[serde(default, deny_unknown_fields)]
 pub struct Jaws {
     /// They hold tissue within this distance of the tip, metres.
     pub radius_m: f32,
@@ -74,7 +74,7 @@ impl Default for Jaws {
 
 /// What an electrode gives under each pedal.
 #[derive(Clone, Copy, Debug, PartialEq, Reflect, Serialize, Deserialize)]
-#[serde(default)]
+#[serde(default, deny_unknown_fields)]
 pub struct Electrodes {
     /// Under the pedal.
     pub coagulation: Cautery,
@@ -90,7 +90,7 @@ impl Default for Electrodes {
 
 /// A burr and its motor.
 #[derive(Clone, Copy, Debug, PartialEq, Reflect, Serialize, Deserialize)]
-#[serde(default)]
+#[serde(default, deny_unknown_fields)]
 pub struct DrillHead {
     /// The burr.
     pub burr: Burr,
@@ -113,7 +113,7 @@ impl Default for DrillHead {
 
 /// Outline of an instrument: a ball at the tip and a straight shaft. The tip of a drill is its burr.
 #[derive(Clone, Copy, Debug, PartialEq, Reflect, Serialize, Deserialize)]
-#[serde(default)]
+#[serde(default, deny_unknown_fields)]
 pub struct ToolGeometry {
     /// Radius of the ball at the tip, metres.
     pub tip_radius_m: f32,

@@ -204,6 +204,18 @@ impl HeatMap {
         burn.map_or(0.0, |burn| burn.dose_j_per_mm2[(y % TILE_PX) as usize][(x % TILE_PX) as usize])
     }
 
+    /// Texels that have received at least so much for good, J/mm2: tile by tile, each row by row. Tiles where nothing burnt cost
+    /// nothing.
+    pub fn burnt(&self, least_j_per_mm2: f32) -> impl Iterator<Item = (u32, u32)> + '_ {
+        let (columns, rows) = self.size.tiles();
+        (0..columns * rows).filter_map(move |tile| Some((tile, self.burn(tile)?))).flat_map(move |(tile, burn)| {
+            let (left, top) = (tile % columns * TILE_PX, tile / columns * TILE_PX);
+            let texels = (0..TILE_PX).flat_map(move |y| (0..TILE_PX).map(move |x| (x, y)));
+            let is_burnt = move |&(x, y): &(u32, u32)| burn.dose_j_per_mm2[y as usize][x as usize] >= least_j_per_mm2;
+            texels.filter(is_burnt).map(move |(x, y)| (left + x, top + y))
+        })
+    }
+
     /// Heat that is in the layer now, joules.
     pub fn total_energy_j(&self) -> f64 {
         self.hot.iter().map(HotTile::heat_k_m2).sum::<f64>() * self.settings.areal_capacity_j_per_m2_k()
