@@ -45,6 +45,7 @@ pub mod pool;
 pub mod reactions;
 #[cfg(feature = "render")]
 pub mod render;
+pub mod scenario;
 pub mod schedule;
 pub mod skin;
 pub mod sound;
@@ -141,6 +142,7 @@ use bevy::app::{PluginGroup, PluginGroupBuilder};
 /// | [`PoolPlugin`](pool::PoolPlugin) | [`Pool`](pool::Pool), [`SuctionIrrigator`](pool::SuctionIrrigator), [`Bleeder`](pool::Bleeder) | schedule, volume; render to be seen |
 /// | [`ToolsPlugin`](tools::ToolsPlugin) | instruments | schedule |
 /// | [`SoundPlugin`](sound::SoundPlugin) | [`ToolSound`](sound::ToolSound) | tools; feature `sound` and Bevy's `AudioPlugin` to be heard |
+/// | [`ScenarioPlugin`](scenario::ScenarioPlugin) | [`ScenarioRun`](scenario::ScenarioRun): goals, rules, log, replay | all above |
 /// | [`SurgeryViewPlugin`](view::SurgeryViewPlugin) (feature `render`) | [`Endoscope`](view::Endoscope), [`Microscope`](view::Microscope), [`ScopeLight`](view::ScopeLight), [`ScopeMask`](view::ScopeMask), [`StereoPair`](view::StereoPair), [`MonitorView`](view::MonitorView), [`ToolShadows`](view::ToolShadows) | render |
 pub struct SurgeryPlugins;
 
@@ -159,7 +161,8 @@ impl PluginGroup for SurgeryPlugins {
             .add(volume::VolumePlugin)
             .add(pool::PoolPlugin)
             .add(tools::ToolsPlugin)
-            .add(sound::SoundPlugin);
+            .add(sound::SoundPlugin)
+            .add(scenario::ScenarioPlugin);
         #[cfg(feature = "render")]
         let group = group.add(view::SurgeryViewPlugin);
         group

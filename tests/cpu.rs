@@ -13,6 +13,7 @@ mod haptics_device;
 mod haptics_servo;
 #[path = "pool_ecs.rs"]
 mod pool_ecs;
+mod scenario;
 mod sound;
 #[allow(dead_code)]
 mod support;
