@@ -59,6 +59,12 @@ const NOT_DATA: &[(&str, &str)] = &[
     ("GraphicsAdapter", "an answer of the driver, not of the world"),
     ("EmbeddedShader", "a constant of the crate"),
     ("SkinTileLibrary", "holds running tasks"),
+    ("ScenarioSystems", "a system set"),
+    ("ScenarioRun", "writes a file"),
+    ("LogWriter", "writes a file"),
+    ("Judge", "follows a run"),
+    ("ScriptedHand", "holds a generator of random numbers"),
+    ("ReadyScenario", "a constant of the crate"),
 ];
 
 /// Folders whose types live in the render world, which has no registry.
@@ -84,6 +90,8 @@ const NO_ECS: &[&str] = &[
     "haptics/safety/",
     "haptics/servo/",
     "haptics/stats.rs",
+    "scenario/metrics/",
+    "scenario/report/",
 ];
 
 /// Public types of the sources: name, file, and whether `Reflect` is derived.

@@ -57,10 +57,10 @@ pub struct Args {
     /// Without it everything is drawn, and fluid moves on a GPU where there is a real one.
     #[arg(long, value_enum)]
     pub backend: Option<Backend>,
-    /// Write the camera's path to this file.
+    /// Write the camera's path to this file; in the example training the whole run.
     #[arg(long, value_name = "FILE")]
     pub record: Option<PathBuf>,
-    /// Follow the camera's path of this file.
+    /// Follow the camera's path of this file; in the example training perform its run again.
     #[arg(long, value_name = "FILE", conflicts_with = "record")]
     pub replay: Option<PathBuf>,
     /// Hold the instrument with a device, for instance hand:mouse, hand:gamepad, haply, openhaptics, force_dimension, spacemouse or
@@ -105,6 +105,22 @@ pub struct Args {
     #[arg(long, value_name = "NAME", default_value = "liver")]
     #[allow(dead_code, reason = "not every example shows a single organ")]
     pub preset: OrganPreset,
+    /// What the example training performs: bleeding-control, mastoidectomy, lesions, or a file that ends in .scenario.ron.
+    #[arg(long, value_name = "X")]
+    #[allow(dead_code, reason = "not every example performs scenarios")]
+    pub scenario: Option<String>,
+    /// Let a hand that can do it perform the example training.
+    #[arg(long, conflicts_with = "novice")]
+    #[allow(dead_code, reason = "not every example performs scenarios")]
+    pub expert: bool,
+    /// Let a hand that cannot do it perform the example training.
+    #[arg(long)]
+    #[allow(dead_code, reason = "not every example performs scenarios")]
+    pub novice: bool,
+    /// In the example training, leave the run of --replay after so many seconds, and go on with your own hand.
+    #[arg(long, value_name = "SECONDS", requires = "replay")]
+    #[allow(dead_code, reason = "not every example performs scenarios")]
+    pub retry_at: Option<f64>,
 }
 
 impl Args {

@@ -18,6 +18,6 @@ pub use devices::hold_device;
 #[allow(unused_imports, reason = "not every example uses every part")]
 pub use interface::add_interface;
 #[allow(unused_imports, reason = "not every example uses every part")]
-pub use run::{Pictures, Stage, Viewer, main_with, organ};
+pub use run::{Pictures, Stage, StepsLeft, Viewer, main_with, organ};
 #[allow(unused_imports, reason = "not every example uses every part")]
 pub use volumes::{Chosen, volume};

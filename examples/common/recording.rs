@@ -10,7 +10,11 @@ use std::path::Path;
 struct Path3(Vec<[f32; 7]>);
 
 /// Records or replays what the arguments ask for. Call it before the app runs.
-pub fn build(app: &mut App, args: &Args) -> Result<(), String> {
+pub fn build(app: &mut App, args: &Args, name: &str) -> Result<(), String> {
+    // It records whole runs by itself.
+    if name == "training" {
+        return Ok(());
+    }
     if let Some(file) = &args.replay {
         app.insert_resource(Path3(read(file)?)).add_systems(FixedFirst, replay);
     } else if args.record.is_some() {

@@ -45,6 +45,11 @@ pub struct Stage {
     pub viewer: Viewer,
 }
 
+/// Steps that a headless run still takes, of an example whose end is not known before. What it takes is at most what it begins with.
+#[derive(Resource, Clone, Copy)]
+#[allow(dead_code, reason = "most examples take as many as they are told")]
+pub struct StepsLeft(pub u32);
+
 /// Names of pictures that an example draws, one per step, instead of as many frames as it was told to.
 #[derive(Resource, Clone)]
 #[allow(dead_code, reason = "not every example draws figures")]
@@ -142,7 +147,7 @@ fn run_window(args: &Args, name: &str, add: impl FnOnce(&mut App)) -> Result<(),
     ));
     app.insert_resource(args.clone());
     app.insert_resource(Stage::new(args, RenderTarget::default(), Viewer::Person));
-    recording::build(&mut app, args)?;
+    recording::build(&mut app, args, name)?;
     let keep = args.clone();
     app.add_systems(Last, move |world: &World, exits: MessageReader<AppExit>| {
         if !exits.is_empty()
@@ -197,17 +202,24 @@ fn run_headless(
     app.insert_resource(args.clone());
     let target = RenderTarget::Image(app.target().image.into());
     app.insert_resource(Stage::new(args, target, Viewer::Nobody));
-    recording::build(&mut app, args)?;
+    recording::build(&mut app, args, name)?;
     add(&mut app);
     let mut measures = Measures::default();
     wait_for_bodies(&mut app, &mut measures)?;
     app.warm_up();
     let pictures = app.world().get_resource::<Pictures>().cloned();
     let steps = pictures.as_ref().map_or(args.steps(), |pictures| pictures.0.len() as u32);
+    let steps = app.world().get_resource::<StepsLeft>().map_or(steps, |steps| steps.0);
     for frame in 0..steps {
         let started = Instant::now();
         app.step(1);
         measures.take(&app, started.elapsed());
+        let is_over = app.world().get_resource::<StepsLeft>().is_some_and(|steps| steps.0 == 0);
+        if is_over {
+            let file = out.join(format!("frame-{frame:04}.png"));
+            app.capture().save(&file).map_err(|error| format!("{}: {error}", file.display()))?;
+            break;
+        }
         let name = match &pictures {
             Some(pictures) => pictures.0[frame as usize].clone(),
             None if frame % args.every.max(1) == 0 || frame + 1 == steps => format!("frame-{frame:04}"),
@@ -235,14 +247,18 @@ fn run_models(
     app.add_plugins((bevy::log::LogPlugin::default(), SurgeryDiagnosticsPlugin));
     app.insert_resource(args.clone());
     app.insert_resource(Stage::new(args, RenderTarget::default(), Viewer::Nobody));
-    recording::build(&mut app, args)?;
+    recording::build(&mut app, args, name)?;
     add(&mut app);
     let mut measures = Measures::default();
     wait_for_bodies(&mut app, &mut measures)?;
-    for _ in 0..args.steps() {
+    let steps = app.world().get_resource::<StepsLeft>().map_or(args.steps(), |steps| steps.0);
+    for _ in 0..steps {
         let started = Instant::now();
         app.step(1);
         measures.take(&app, started.elapsed());
+        if app.world().get_resource::<StepsLeft>().is_some_and(|steps| steps.0 == 0) {
+            break;
+        }
     }
     recording::finish(app.world(), args)?;
     let counters = count(app.world_mut());

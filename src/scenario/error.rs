@@ -1,7 +1,9 @@
 //! What can be wrong with a scenario.
 
+use bevy::reflect::Reflect;
+
 /// Why a scenario cannot be used: for who must mend the file.
-#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error, Reflect)]
 pub enum ScenarioError {
     /// The file cannot be read.
     #[error("{file}: {reason}")]

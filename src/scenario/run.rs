@@ -43,7 +43,7 @@ pub struct ScenarioRun {
 }
 
 /// How far a run is.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Reflect)]
 pub enum RunPhase {
     /// The scene is being loaded.
     Waiting,

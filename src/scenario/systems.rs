@@ -1,5 +1,6 @@
 //! A run in the ECS: begun, led, judged, written down.
 
+use super::guide::guide;
 use super::log::{CameraRecord, EndReason, HashRecord, LOG_VERSION, LogEntry, LogHeader, LogRecord};
 use super::observe::{self, Events, Scene};
 use super::patient::let_happen;
@@ -11,7 +12,7 @@ use crate::tools::SenseDevices;
 use bevy::prelude::*;
 
 /// What a run does within a step.
-#[derive(SystemSet, Debug, Clone, Copy, PartialEq, Eq, Hash)]
+#[derive(SystemSet, Debug, Clone, Copy, PartialEq, Eq, Hash, Reflect)]
 pub enum ScenarioSystems {
     /// Before [`SurgerySystems::Sense`]: a run begins when its scene is there.
     Begin,
@@ -23,7 +24,7 @@ pub enum ScenarioSystems {
 
 /// A record of a run, as it is made: goals, violations, the end. Written in [`ScenarioSystems::Judge`]; samples are only in the
 /// log.
-#[derive(Message, Clone, Debug, PartialEq)]
+#[derive(Message, Clone, Debug, PartialEq, Reflect)]
 pub struct ScenarioTold {
     /// The step.
     pub step: u64,
@@ -49,7 +50,7 @@ pub(super) fn build(app: &mut App) {
             (
                 (spawn_scene, begin).chain().in_set(ScenarioSystems::Begin),
                 (lead_tools, let_happen).chain().in_set(ScenarioSystems::Lead),
-                judge.in_set(ScenarioSystems::Judge),
+                (judge, guide).chain().in_set(ScenarioSystems::Judge),
             )
                 .run_if(resource_exists::<ScenarioRun>),
         );

@@ -1,10 +1,11 @@
 //! What goals and rules look at: one step in plain numbers.
 
+use bevy::reflect::Reflect;
 use glam::Vec3;
 
 /// Everything that is known of a step. Structures and lesions are those that the scenario names, in the order of its
 /// [`Targets`](super::Targets).
-#[derive(Clone, Debug, Default, PartialEq)]
+#[derive(Clone, Debug, Default, PartialEq, Reflect)]
 pub struct Facts {
     /// The step, from 0.
     pub step: u64,
@@ -29,7 +30,7 @@ pub struct Facts {
 }
 
 /// An instrument in a step.
-#[derive(Clone, Debug, Default, PartialEq)]
+#[derive(Clone, Debug, Default, PartialEq, Reflect)]
 pub struct ToolFacts {
     /// Where its tip is, world, metres; none where it is not tracked.
     pub tip_m: Option<Vec3>,
@@ -44,7 +45,7 @@ pub struct ToolFacts {
 }
 
 /// A structure in a step.
-#[derive(Clone, Debug, Default, PartialEq)]
+#[derive(Clone, Debug, Default, PartialEq, Reflect)]
 pub struct StructureFacts {
     /// Share of it that is removed, 0 to 1.
     pub removed_share: f32,
@@ -59,7 +60,7 @@ pub struct StructureFacts {
 }
 
 /// A set of lesions in a step.
-#[derive(Clone, Debug, Default, PartialEq)]
+#[derive(Clone, Debug, Default, PartialEq, Reflect)]
 pub struct LesionFacts {
     /// For each whether the tip of an instrument is on it.
     pub is_touched: Vec<bool>,
@@ -70,7 +71,7 @@ pub struct LesionFacts {
 }
 
 /// Something was removed in a step.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Reflect)]
 pub struct RemovalFacts {
     /// By which instrument.
     pub tool: Option<u32>,

@@ -2,9 +2,10 @@
 
 use super::{Facts, Targets};
 use crate::scenario::{Goal, GoalKind};
+use bevy::reflect::Reflect;
 
 /// A goal so far.
-#[derive(Clone, Debug, Default, PartialEq)]
+#[derive(Clone, Debug, Default, PartialEq, Reflect)]
 pub struct GoalState {
     /// 0 to 1.
     pub progress: f32,

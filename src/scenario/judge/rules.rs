@@ -2,13 +2,14 @@
 
 use super::{Facts, StructureFacts, Targets};
 use crate::scenario::{Rule, RuleKind};
+use bevy::reflect::Reflect;
 use glam::Vec3;
 
 /// What is broken again within this time after it has ended is the same violation, seconds.
 const REST_S: f32 = 0.5;
 
 /// A rule so far.
-#[derive(Clone, Debug, Default, PartialEq)]
+#[derive(Clone, Debug, Default, PartialEq, Reflect)]
 pub struct RuleState {
     /// How often it was broken.
     pub count: u32,

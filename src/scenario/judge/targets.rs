@@ -1,9 +1,10 @@
 //! What a scenario names, in one list: so that a step looks at each thing once.
 
 use crate::scenario::{GoalKind, Lesion, RuleKind, Scenario};
+use bevy::reflect::Reflect;
 
 /// Structures and sets of lesions that goals and rules name.
-#[derive(Clone, Debug, Default, PartialEq)]
+#[derive(Clone, Debug, Default, PartialEq, Reflect)]
 pub struct Targets {
     /// Structures, in the order in which they are named first.
     pub structures: Vec<TargetStructure>,
@@ -12,7 +13,7 @@ pub struct Targets {
 }
 
 /// A structure that is named.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Reflect)]
 pub struct TargetStructure {
     /// Its name.
     pub name: String,
@@ -25,7 +26,7 @@ pub struct TargetStructure {
 }
 
 /// A set of lesions on an organ.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Reflect)]
 pub struct TargetLesions {
     /// The organ's name.
     pub organ: String,

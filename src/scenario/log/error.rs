@@ -1,9 +1,10 @@
 //! What can be wrong with a log.
 
+use bevy::reflect::Reflect;
 use std::path::Path;
 
 /// Why a log cannot be written or read.
-#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error, Reflect)]
 pub enum LogError {
     /// There is such a file already; runs are not written over.
     #[error("{file}: there is such a file already, and runs are not written over: choose another name")]

@@ -3,13 +3,14 @@
 use crate::scenario::{Scenario, Severity};
 use crate::tools::{Tool, ToolCommand, ToolPart, ToolPose};
 use bevy::math::{Quat, Vec2, Vec3};
+use bevy::reflect::Reflect;
 use serde::{Deserialize, Serialize};
 
 /// Version of the log's records.
 pub const LOG_VERSION: u32 = 1;
 
 /// What is known when a run begins.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, Reflect)]
 pub struct LogHeader {
     /// [`LOG_VERSION`] of who wrote it.
     pub version: u32,
@@ -34,7 +35,7 @@ pub struct LogHeader {
 }
 
 /// An instrument of a run.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, Reflect)]
 pub struct LoggedTool {
     /// Its name.
     pub name: String,
@@ -43,7 +44,7 @@ pub struct LoggedTool {
 }
 
 /// An organ or a volume of a run.
-#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, Reflect)]
 pub struct LoggedBody {
     /// Its name.
     pub name: String,
@@ -58,7 +59,7 @@ pub struct LoggedBody {
 }
 
 /// Where a run goes on from another one.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, Reflect)]
 pub struct LogBranch {
     /// The other run's file.
     pub file: String,
@@ -67,7 +68,7 @@ pub struct LogBranch {
 }
 
 /// Something that happened in a step.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, Reflect)]
 pub struct LogEntry {
     /// The step, from 0.
     pub step: u64,
@@ -76,7 +77,7 @@ pub struct LogEntry {
 }
 
 /// What can happen.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, Reflect)]
 pub enum LogRecord {
     /// What the hand did; every step of every tool. A replay needs no more.
     Sample(ToolSample),
@@ -101,7 +102,7 @@ pub enum LogRecord {
 }
 
 /// What a hand did in a step.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, Reflect)]
 pub struct ToolSample {
     /// The tool, by its place in the header.
     pub tool: u32,
@@ -123,7 +124,7 @@ pub struct ToolSample {
 }
 
 /// An instrument touches a body.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, Reflect)]
 pub struct ContactRecord {
     /// The tool.
     pub tool: u32,
@@ -146,7 +147,7 @@ pub struct ContactRecord {
 }
 
 /// A burr removed matter.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, Reflect)]
 pub struct RemovalRecord {
     /// The tool.
     pub tool: Option<u32>,
@@ -161,7 +162,7 @@ pub struct RemovalRecord {
 }
 
 /// An organ reacts.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, Reflect)]
 pub struct ReactionRecord {
     /// The organ.
     pub body: u32,
@@ -172,7 +173,7 @@ pub struct ReactionRecord {
 }
 
 /// How much bleeds; written when it changes noticeably.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, Reflect)]
 pub struct BleedingRecord {
     /// All blood that was lost so far, millilitres.
     pub lost_ml: f64,
@@ -185,7 +186,7 @@ pub struct BleedingRecord {
 }
 
 /// Where the eye is; written when it moves.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, Reflect)]
 pub struct CameraRecord {
     /// Where, metres.
     pub eye_world_m: Vec3,
@@ -194,7 +195,7 @@ pub struct CameraRecord {
 }
 
 /// How far a goal is.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, Reflect)]
 pub struct GoalRecord {
     /// Its id.
     pub goal: String,
@@ -205,7 +206,7 @@ pub struct GoalRecord {
 }
 
 /// A rule was broken.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, Reflect)]
 pub struct ViolationRecord {
     /// Its id.
     pub rule: String,
@@ -222,7 +223,7 @@ pub struct ViolationRecord {
 }
 
 /// What the simulation's state was: each hash is of the state and of the hash before, so one number speaks for all that was.
-#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize, Reflect)]
 pub struct HashRecord {
     /// The second that ends here.
     pub second: u64,
@@ -231,7 +232,7 @@ pub struct HashRecord {
 }
 
 /// How it ended.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, Reflect)]
 pub struct EndRecord {
     /// Why.
     pub reason: EndReason,
@@ -242,7 +243,7 @@ pub struct EndRecord {
 }
 
 /// Why a run ended.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize, Reflect)]
 pub enum EndReason {
     /// All goals are reached.
     Done,
@@ -253,7 +254,7 @@ pub enum EndReason {
 }
 
 /// A whole run in memory.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Reflect)]
 pub struct RunLog {
     /// What was known when it began.
     pub header: LogHeader,
