@@ -71,8 +71,8 @@ pub mod prelude {
     pub use crate::organ::clean::{Topology, Weld};
     pub use crate::organ::load::{LoadOptions, MeshUnit};
     pub use crate::organ::{
-        ChartKind, Hollow, Organ, OrganHit, OrganModel, OrganOptions, OrganPicking, OrganPlugin, OrganShape,
-        SurfacePoint, procedural_ellipsoid,
+        ChartKind, Hollow, LoadOrgan, Organ, OrganHit, OrganModel, OrganOptions, OrganPicking, OrganPlugin, OrganShape,
+        OrganSource, SurfacePoint, procedural_ellipsoid,
     };
     pub use crate::pacing::Pacing;
     pub use crate::pool::{
@@ -108,7 +108,8 @@ pub mod prelude {
     pub use crate::volume::structures::{Structure, Structures, Tissue};
     pub use crate::volume::transfer::{ColourSource, ControlPoint, TransferFunction};
     pub use crate::volume::{
-        CtVolume, CutVolume, DrillVolume, LoadVolume, RemovedTissue, SmoothedNormals, Volume, VolumeGrid,
+        CtVolume, CutVolume, DrillVolume, LoadVolume, MakePhantom, RemovedTissue, SmoothedNormals, SoftVolume, Volume,
+        VolumeGrid,
         VolumeHitInWorld, VolumeLoadFailed, VolumeLook, VolumeMethod, VolumePicking, VolumePlugin, Voxels,
         VoxelsRemoved, WatchCritical, WetShading,
     };

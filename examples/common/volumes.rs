@@ -69,7 +69,8 @@ pub fn failed_volume(failed: &mut QueryState<&VolumeLoadFailed>, world: &World) 
 
 /// Whether a volume is still on its way.
 pub fn is_waiting(world: &mut World) -> bool {
-    if world.query::<&LoadVolume>().iter(world).next().is_some() {
+    let mut loading = world.query_filtered::<(), (With<LoadVolume>, Without<CtVolume>, Without<VolumeLoadFailed>)>();
+    if loading.iter(world).next().is_some() {
         return true;
     }
     let mut bodies = world.query::<(&CtVolume, Has<CutVolume>, Has<WatchCritical>, Has<CriticalDistances>)>();

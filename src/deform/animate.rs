@@ -3,6 +3,7 @@
 use super::elastic::StepBodies;
 use super::lattice::{DeformLattice, Tree};
 use super::{DeformBodies, LatticeError};
+use bevy::ecs::VariantDefaults;
 use bevy::ecs::entity::EntityHashSet;
 use bevy::prelude::*;
 use glam::DVec3;
@@ -11,7 +12,7 @@ use std::f64::consts::TAU;
 
 /// Moves the [`DeformLattice`] of its entity, step by step, by simulated time; beside a lattice alone it does nothing.
 #[derive(Component, Clone, Debug, PartialEq, Reflect, Serialize, Deserialize)]
-#[reflect(Component, Clone, Debug, PartialEq)]
+#[reflect(Component, Default, Clone, Debug, PartialEq)]
 pub struct LatticeAnimation {
     /// How it moves.
     pub motion: LatticeMotion,
@@ -22,7 +23,8 @@ pub struct LatticeAnimation {
 }
 
 /// A motion of a lattice.
-#[derive(Clone, Debug, PartialEq, Reflect, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Reflect, Serialize, Deserialize, VariantDefaults)]
+#[reflect(Default)]
 pub enum LatticeMotion {
     /// Given positions, and what lies between.
     KeyFrames(KeyFrames),
@@ -85,6 +87,18 @@ pub struct TravellingWave {
 impl Default for TravellingWave {
     fn default() -> Self {
         Self { amplitude: 0.06, wavelength: 0.9, frequency_hz: 1.0, along: Vec3::Z, across: Vec3::X, head: 0.15 }
+    }
+}
+
+impl Default for LatticeMotion {
+    fn default() -> Self {
+        Self::Wave(TravellingWave::default())
+    }
+}
+
+impl Default for LatticeAnimation {
+    fn default() -> Self {
+        Self::new(LatticeMotion::default())
     }
 }
 

@@ -4,10 +4,11 @@ use super::atlas::{Atlas, FaceTable};
 use super::cache::OrganCache;
 use super::chart::{self, ChartError, ChartOptions, ChartReport};
 use super::error::MeshError;
-use super::load::{LoadOptions, MeshUnit, check_unit, scale_to_metres};
+use super::load::{LoadOptions, MeshUnit};
 use super::mesh::{NO_FACE, SurfaceMesh};
 use super::planar::{PlanarChart, PlanarError};
-use super::procedural::{ProceduralLiver, procedural_liver};
+use super::procedural::ProceduralLiver;
+use super::source::OrganSource;
 use super::sphere::SphereMesh;
 use super::texture_mesh::{self, SkinMesh, TextureMesh, TextureMeshError, TextureMeshOptions, TextureMeshReport};
 use bevy::asset::Asset;
@@ -255,12 +256,7 @@ impl OrganModel {
     /// # Errors
     /// As [`OrganModel::from_mesh`], for senseless options; as for files, a senseless unit is one.
     pub fn procedural_liver(options: &OrganOptions) -> Result<Self, OrganError> {
-        let name = "procedural liver";
-        let fault = |fault| MeshError::new(name, fault);
-        check_unit(options.load.unit).map_err(fault)?;
-        let mut mesh = procedural_liver(&ProceduralLiver::default());
-        scale_to_metres(&mut mesh, options.load.unit).map_err(fault)?;
-        Self::from_mesh_cached(mesh, name, options, &OrganCache::default())
+        OrganSource::Liver(ProceduralLiver::default()).make(options, &OrganCache::default())
     }
 }
 

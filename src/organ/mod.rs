@@ -26,6 +26,7 @@ pub mod procedural;
 #[cfg(feature = "render")]
 pub mod render;
 mod shape;
+mod source;
 pub mod sphere;
 pub mod surface;
 pub mod texture_mesh;
@@ -39,6 +40,7 @@ pub use pick_segment::SegmentHit;
 pub(crate) use picking::refit_pickers;
 pub use picking::{OrganHit, OrganPicking};
 pub use shape::{Hollow, Organ, OrganShape, ShapeOrgans, awaited_models};
+pub use source::{LoadOrgan, OrganLoadFailed, OrganSource};
 pub use sphere::{SphereMesh, SurfacePoint};
 
 use bevy::prelude::*;
@@ -55,6 +57,7 @@ impl Plugin for OrganPlugin {
         asset::build(app, self.cache.clone());
         shape::build(app);
         picking::build(app);
+        source::build(app, self.cache.clone());
         app.register_type::<OrganParts>()
             .register_type::<OrganCache>()
             .register_type::<atlas::SurfaceFrame>()

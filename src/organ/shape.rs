@@ -8,7 +8,7 @@ use bevy::prelude::*;
 /// Shows an [`OrganModel`] at the entity's transform.
 ///
 /// [`OrganShape`] is added once the model is loaded. Add a [`Skin`](crate::skin::Skin) to see it.
-#[derive(Component, Clone, Debug, Default, PartialEq, Reflect)]
+#[derive(Component, Clone, Debug, Default, FromTemplate, PartialEq, Reflect)]
 #[reflect(Component, Default, Clone)]
 #[require(Transform)]
 #[cfg_attr(feature = "render", require(Visibility))]

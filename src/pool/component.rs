@@ -2,6 +2,7 @@
 
 use super::bleeding::BleedingRules;
 use super::{PoolBackend, PoolError, PoolLevel, PoolLook, SolverSettings, WaterBudget};
+use bevy::ecs::template::{EntityTemplate, FromTemplate, Template, TemplateContext};
 use bevy::prelude::*;
 use serde::{Deserialize, Serialize};
 
@@ -19,6 +20,7 @@ use serde::{Deserialize, Serialize};
 #[require(Transform, PoolLevel, PoolFluid, PoolBackend, SolverSettings, BleedingRules, WaterBudget, PoolLook)]
 pub struct Pool {
     /// The volume; an entity with a [`CtVolume`](crate::volume::CtVolume).
+    #[entities]
     pub volume: Entity,
     /// Cells along the rows and across, 4 to 2048 each.
     pub size: UVec2,
@@ -26,10 +28,47 @@ pub struct Pool {
     pub cell_m: f32,
 }
 
+/// Cells of a pool unless others are asked for, and their side, metres.
+const CELLS: UVec2 = UVec2::new(512, 384);
+const CELL_M: f32 = 1.25e-4;
+
+/// Makes a [`Pool`] of a scene, whose volume may be another entity of the scene by its name. The cells are those of
+/// [`Pool::new`] unless others are given.
+pub struct PoolTemplate {
+    /// The volume.
+    pub volume: EntityTemplate,
+    /// As in [`Pool`].
+    pub size: UVec2,
+    /// As in [`Pool`].
+    pub cell_m: f32,
+}
+
+impl Default for PoolTemplate {
+    fn default() -> Self {
+        Self { volume: EntityTemplate::None, size: CELLS, cell_m: CELL_M }
+    }
+}
+
+impl Template for PoolTemplate {
+    type Output = Pool;
+
+    fn build_template(&self, context: &mut TemplateContext) -> Result<Pool> {
+        Ok(Pool { volume: self.volume.build_template(context)?, size: self.size, cell_m: self.cell_m })
+    }
+
+    fn clone_template(&self) -> Self {
+        Self { ..*self }
+    }
+}
+
+impl FromTemplate for Pool {
+    type Template = PoolTemplate;
+}
+
 impl Pool {
     /// A pool of 512 x 384 cells of 0.125 mm, 64 x 48 mm, over a volume.
     pub fn new(volume: Entity) -> Self {
-        Self { volume, size: UVec2::new(512, 384), cell_m: 1.25e-4 }
+        Self { volume, size: CELLS, cell_m: CELL_M }
     }
 
     /// Where a pool lies whose middle is at a place in the world and whose fluid is level under a gravity; its rows run as nearly

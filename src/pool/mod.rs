@@ -31,7 +31,7 @@ mod water;
 pub use backend::PoolBackend;
 pub use bleeding::{Bleeder, BleedingControl, BleedingRules, TreatBleeders, VesselOpened};
 pub use cavity::{Cavity, NO_BONE_M};
-pub use component::{FoamPatch, MAX_FOAM, Pool, PoolFault, PoolFluid, PoolState};
+pub use component::{FoamPatch, MAX_FOAM, Pool, PoolFault, PoolFluid, PoolState, PoolTemplate};
 pub use error::PoolError;
 pub use grid::{MAX_CELLS, MIN_CELLS, PoolGrid};
 pub use irrigator::{SuctionGurgled, SuctionIrrigator, SuctionState};

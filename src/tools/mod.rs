@@ -50,7 +50,7 @@ pub use force::{BodyForce, ToolForce};
 #[cfg(feature = "render")]
 pub use input::{GamepadHand, MouseHand};
 pub use pose::{ToolCommand, ToolLimits, ToolMotion, ToolPlace, ToolPose};
-pub use rig::{RigFrame, ToolClutch, ToolRig};
+pub use rig::{RigFrame, RigFrameTemplate, ToolClutch, ToolRig, ToolRigTemplate};
 pub use session::{
     DeviceControl, DeviceRefused, Devices, HoldDevice, SenseDevices, ServoFaulted, ServoReading, ServoSession,
     ToolControls,

@@ -1,17 +1,20 @@
 //! How the workspace of a device lies in the scene: where, how turned, at which scale, and what a clutch has moved.
 
+use bevy::ecs::entity::MapEntities;
+use bevy::ecs::template::{FromTemplate, SpecializeFromTemplate, Template, TemplateContext};
 use bevy::math::{DAffine3, DMat3, DQuat, DVec3};
 use bevy::prelude::*;
 use serde::{Deserialize, Serialize};
 
 /// What a workspace moves with.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Reflect)]
+#[derive(Clone, Copy, Debug, Default, FromTemplate, MapEntities, PartialEq, Reflect)]
+#[reflect(Default)]
 pub enum RigFrame {
     /// It stays in the world.
     #[default]
     World,
     /// It moves with an entity: a camera, so that right is right in the picture.
-    Of(Entity),
+    Of(#[entities] Entity),
 }
 
 /// Leads from the space of a device to the world. In the device's space the hand sits at +Z, right is +X, up is +Y, as in a camera's.
@@ -19,6 +22,7 @@ pub enum RigFrame {
 #[reflect(Component, Default, Clone)]
 pub struct ToolRig {
     /// What it moves with.
+    #[entities]
     pub frame: RigFrame,
     /// Where the middle of the workspace lies in that frame, metres.
     pub centre_in_frame_m: Vec3,
@@ -36,6 +40,7 @@ pub struct ToolRig {
 
 /// What the clutch of a [`ToolRig`] has done.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Reflect, Serialize, Deserialize)]
+#[reflect(Default)]
 pub struct ToolClutch {
     /// Where the handle was when it was pressed, device space.
     held_at_m: Option<DVec3>,
@@ -58,6 +63,57 @@ impl Default for ToolRig {
         }
     }
 }
+
+/// Makes a [`ToolRig`] of a scene, whose frame may be another entity of the scene by its name.
+pub struct ToolRigTemplate {
+    /// What it moves with.
+    pub frame: RigFrameTemplate,
+    /// As in [`ToolRig`].
+    pub centre_in_frame_m: Vec3,
+    /// As in [`ToolRig`].
+    pub frame_from_device: Quat,
+    /// As in [`ToolRig`].
+    pub scale: f32,
+    /// As in [`ToolRig`].
+    pub force_scale: f32,
+    /// As in [`ToolRig`].
+    pub tip_in_handle_m: Vec3,
+}
+
+impl Default for ToolRigTemplate {
+    fn default() -> Self {
+        let rig = ToolRig::default();
+        Self {
+            frame: RigFrameTemplate::default(),
+            centre_in_frame_m: rig.centre_in_frame_m,
+            frame_from_device: rig.frame_from_device,
+            scale: rig.scale,
+            force_scale: rig.force_scale,
+            tip_in_handle_m: rig.tip_in_handle_m,
+        }
+    }
+}
+
+impl Template for ToolRigTemplate {
+    type Output = ToolRig;
+
+    fn build_template(&self, context: &mut TemplateContext) -> Result<ToolRig> {
+        let &Self { ref frame, centre_in_frame_m, frame_from_device, scale, force_scale, tip_in_handle_m } = self;
+        let (frame, clutch) = (frame.build_template(context)?, ToolClutch::default());
+        Ok(ToolRig { frame, centre_in_frame_m, frame_from_device, scale, force_scale, tip_in_handle_m, clutch })
+    }
+
+    fn clone_template(&self) -> Self {
+        Self { frame: self.frame.clone_template(), ..*self }
+    }
+}
+
+impl FromTemplate for ToolRig {
+    type Template = ToolRigTemplate;
+}
+
+// So that it has a template of its own although it has a default, as Bevy's derive does it.
+impl Unpin for ToolRig where for<'a> [()]: SpecializeFromTemplate {}
 
 impl ToolRig {
     /// Before a camera: the middle of the workspace lies at a distance along its view.

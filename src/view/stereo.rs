@@ -88,8 +88,10 @@ pub enum StereoEye {
 #[reflect(Component, Clone)]
 pub struct StereoEyes {
     /// The left eye's camera.
+    #[entities]
     pub left: Entity,
     /// The right eye's camera.
+    #[entities]
     pub right: Entity,
 }
 
@@ -151,11 +153,12 @@ impl CameraProjection for ShiftedPerspective {
 /// Each frame it takes the pose and the lens of that camera; the shape of the picture is its own. Everything else
 /// (target, order, mask) is spawned beside it; what it requires is what a [`Microscope`] does, but for the mask. Of a
 /// [`StereoPair`] it shows what lies between the eyes. A camera that follows a follower is a frame late.
-#[derive(Component, Clone, Copy, Debug, PartialEq, Eq, Reflect)]
+#[derive(Component, Clone, Copy, Debug, FromTemplate, PartialEq, Eq, Reflect)]
 #[reflect(Component, Clone)]
 #[require(Camera3d, Hdr, Tonemapping::SomewhatBoringDisplayTransform, Msaa::Off)]
 pub struct MonitorView {
     /// The camera that is followed.
+    #[entities]
     pub of: Entity,
 }
 

@@ -2,6 +2,7 @@
 
 use super::error::VolumeError;
 use super::load::{VolumeLoadOptions, load_path, parse_with};
+use super::phantom::{PhantomOptions, phantom};
 use super::structures::Structures;
 use super::{CtVolume, Volume};
 use crate::files::{Fetch, parse_with_siblings};
@@ -52,7 +53,8 @@ fn structured(volume: Volume, file: &str) -> Result<Volume, VolumeError> {
 }
 
 /// Loads a volume from a path of the file system, off the main thread: a file of any format, or a folder that holds a DICOM
-/// series or a stack of pictures. Becomes a [`CtVolume`] on the same entity, or a [`VolumeLoadFailed`].
+/// series or a stack of pictures. Its entity gets a [`CtVolume`], or a [`VolumeLoadFailed`]. It stays beside the volume, so that
+/// saved scenes know where that came from, and what is changed in it is loaded anew.
 #[derive(Component, Clone, Debug, Default, PartialEq, Reflect)]
 #[reflect(Component, Default, Clone)]
 pub struct LoadVolume {
@@ -62,7 +64,13 @@ pub struct LoadVolume {
     pub options: VolumeLoadOptions,
 }
 
-/// A [`LoadVolume`] came to nothing.
+/// Makes a [`phantom`] off the main thread. Its entity gets a [`CtVolume`], or a [`VolumeLoadFailed`]; beside a [`LoadVolume`] it
+/// does nothing. It stays beside the volume, as [`LoadVolume`] does.
+#[derive(Component, Clone, Copy, Debug, Default, PartialEq, Reflect)]
+#[reflect(Component, Default, Clone)]
+pub struct MakePhantom(pub PhantomOptions);
+
+/// A [`LoadVolume`] or [`MakePhantom`] came to nothing.
 #[derive(Component, Clone, Debug, PartialEq, Reflect)]
 #[reflect(Component, Clone)]
 pub struct VolumeLoadFailed(pub VolumeError);
@@ -75,9 +83,10 @@ pub(super) fn build(app: &mut App) {
         .register_asset_reflect::<Volume>()
         .register_type::<VolumeLoadOptions>()
         .register_type::<LoadVolume>()
+        .register_type::<MakePhantom>()
         .register_type::<VolumeLoadFailed>()
         .register_asset_loader(VolumeLoader)
-        .add_systems(PreUpdate, (begin_loading, finish_loading).chain().before(super::PrepareCuts));
+        .add_systems(PreUpdate, (begin_loading, begin_phantoms, finish_loading).chain().before(super::PrepareCuts));
 }
 
 fn begin_loading(mut commands: Commands, wanted: Query<(Entity, &LoadVolume), Changed<LoadVolume>>) {
@@ -96,19 +105,31 @@ fn begin_loading(mut commands: Commands, wanted: Query<(Entity, &LoadVolume), Ch
     }
 }
 
+type Unmade = (Changed<MakePhantom>, Without<LoadVolume>);
+
+fn begin_phantoms(mut commands: Commands, wanted: Query<(Entity, &MakePhantom), Unmade>) {
+    for (entity, &MakePhantom(options)) in &wanted {
+        let task = async move { phantom(&options).map_err(|fault| VolumeError::new("phantom", fault)) };
+        let task = AsyncComputeTaskPool::get().spawn(task);
+        commands.entity(entity).try_remove::<VolumeLoadFailed>().try_insert(Loading(task));
+    }
+}
+
+type Awaited = Or<(With<LoadVolume>, With<MakePhantom>)>;
+
 fn finish_loading(
     mut commands: Commands,
-    mut loading: Query<(Entity, &mut Loading, Has<LoadVolume>)>,
+    mut loading: Query<(Entity, &mut Loading), Awaited>,
+    given_up: Query<Entity, (With<Loading>, Without<LoadVolume>, Without<MakePhantom>)>,
     mut volumes: ResMut<Assets<Volume>>,
 ) {
-    for (entity, mut task, is_wanted) in &mut loading {
-        if !is_wanted {
-            commands.entity(entity).try_remove::<Loading>();
-            continue;
-        }
+    for entity in &given_up {
+        commands.entity(entity).try_remove::<Loading>();
+    }
+    for (entity, mut task) in &mut loading {
         let Some(loaded) = block_on(poll_once(&mut task.0)) else { continue };
         let mut entity = commands.entity(entity);
-        entity.try_remove::<(Loading, LoadVolume)>();
+        entity.try_remove::<Loading>();
         match loaded {
             Ok(volume) => entity.try_insert(CtVolume(volumes.add(volume))),
             Err(reason) => {

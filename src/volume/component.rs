@@ -9,7 +9,7 @@ use tracing::warn;
 ///
 /// A [`CutVolume`] is added once the volume is loaded, and a [`TransferFunction`] that suits it where there is none. A volume
 /// without [`Structures`](super::structures::Structures) is shown, but neither picked nor drilled; loaders find some.
-#[derive(Component, Clone, Debug, Default, PartialEq, Reflect)]
+#[derive(Component, Clone, Debug, Default, FromTemplate, PartialEq, Reflect)]
 #[reflect(Component, Default, Clone)]
 #[require(Transform, VolumeLook)]
 #[cfg_attr(feature = "render", require(Visibility))]

@@ -1,6 +1,6 @@
 //! Volumes that a lattice deforms, in the ECS: what picking, drilling and drawing read of the lattice.
 
-use super::{CtVolume, LoadVolume, PrepareCuts, Volume, VolumeLook, VoxelLattice};
+use super::{CtVolume, LoadVolume, MakePhantom, PrepareCuts, Volume, VolumeLook, VoxelLattice};
 use crate::deform::{DeformLattice, NormalDeformation};
 use crate::organ::Organ;
 use crate::schedule::SurgerySystems;
@@ -64,7 +64,7 @@ pub(super) fn build(app: &mut App) {
         .add_systems(PostUpdate, follow_lattices.in_set(FollowLattices));
 }
 
-type Idle = (Added<DeformLattice>, Without<CtVolume>, Without<LoadVolume>, Without<Organ>);
+type Idle = (Added<DeformLattice>, Without<CtVolume>, Without<LoadVolume>, Without<MakePhantom>, Without<Organ>);
 
 /// Says so where a lattice has nothing to deform: neither a volume, also one that is still on its way, nor an organ.
 fn warn_of_idle_lattices(idle: Query<(Entity, Option<&Name>), Idle>) {

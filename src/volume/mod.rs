@@ -23,13 +23,14 @@ mod picking;
 #[cfg(feature = "render")]
 mod render;
 pub(crate) mod rest;
+mod soft;
 pub mod software;
 pub mod structures;
 pub mod transfer;
 mod warp;
 mod watch;
 
-pub use asset::{LoadVolume, VolumeLoadFailed, VolumeLoader};
+pub use asset::{LoadVolume, MakePhantom, VolumeLoadFailed, VolumeLoader};
 pub use component::{CtVolume, PrepareCuts};
 pub use cut::CutVolume;
 pub use data::{MAX_SIDE, MAX_VOXELS, Volume, Voxels, check_size};
@@ -42,6 +43,7 @@ pub use near::MatterHit;
 pub use picking::{PickedVolume, VolumeHitInWorld, VolumePicking};
 #[cfg(feature = "render")]
 pub use render::{AlignedUniform, DeformUniform, PatchFramesTexel, PatchRectTexel, VolumeRedraws, VolumeUniform};
+pub use soft::SoftVolume;
 pub use watch::WatchCritical;
 
 use bevy::prelude::*;
@@ -103,6 +105,7 @@ impl Plugin for VolumePlugin {
         deformed::build(app);
         drilling::build(app);
         picking::build(app);
+        soft::build(app);
         watch::build(app);
         #[cfg(feature = "render")]
         render::build(app);

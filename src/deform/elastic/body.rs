@@ -2,6 +2,7 @@
 
 use super::error::ElasticError;
 use super::inverse;
+use super::saved::SavedBody;
 use super::solver::{Solver, StepSettings};
 use super::surface::{Embedded, TouchSurface};
 use super::tissue::ElasticTissue;
@@ -10,6 +11,7 @@ use super::touching::Touching;
 use crate::deform::lattice::{DeformLattice, Tree};
 use bevy::prelude::*;
 use glam::{Affine3A, DVec3, Mat3, Vec3};
+use serde::{Deserialize, Serialize};
 
 /// Slower than this everywhere, and for [`STEPS_TO_SLEEP`] steps, a body that nothing touches sleeps; metres per second.
 const ASLEEP_BELOW_M_PER_S: f32 = 1e-4;
@@ -29,9 +31,10 @@ pub struct ElasticCell {
 ///
 /// The solver works in the body's own space and forward: it knows where matter goes. [`ElasticBody::publish`] turns that into the
 /// lattice's translations, which say where matter comes from. See the [module](super) for how it works.
-#[derive(Component, Clone, Debug, Reflect)]
+#[derive(Component, Clone, Debug, Reflect, Serialize, Deserialize)]
+#[serde(try_from = "SavedBody", into = "SavedBody")]
 #[reflect(opaque)]
-#[reflect(Component, Clone, Debug)]
+#[reflect(Component, Clone, Debug, Serialize, Deserialize)]
 pub struct ElasticBody {
     /// Substeps of a step. More make stiff tissue stiffer and waves livelier. 12 by default.
     pub substeps: u32,
@@ -158,6 +161,11 @@ impl ElasticBody {
     /// Cells, vertices and which of those follow others.
     pub fn tree(&self) -> &Tree {
         &self.tree
+    }
+
+    /// Leads from shares of the box to the body's own space, metres.
+    pub fn body_from_box(&self) -> Affine3A {
+        self.body_from_box
     }
 
     /// What is in a cell, by the number of its patch.

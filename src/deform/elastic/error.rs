@@ -1,5 +1,6 @@
 //! What is wrong with a body that cannot be.
 
+use crate::deform::LatticeError;
 use bevy::prelude::*;
 use thiserror::Error;
 
@@ -23,6 +24,25 @@ pub enum ElasticError {
         /// Vertices of the lattice.
         count: usize,
     },
+    /// Another number of cells than the lattice has patches.
+    #[error("cells: {found} of them for {expected} patches")]
+    WrongCells {
+        /// Cells that were given.
+        found: usize,
+        /// Patches of the lattice.
+        expected: usize,
+    },
+    /// A cell of a tissue that is not in the list.
+    #[error("cell {cell}: there is no tissue number {number}")]
+    NoTissue {
+        /// The cell.
+        cell: usize,
+        /// The tissue's number.
+        number: usize,
+    },
+    /// There can be no such lattice.
+    #[error(transparent)]
+    Lattice(#[from] LatticeError),
     /// Another box than the body's.
     #[error("the lattice has another box than the body was made for; make the body anew")]
     OtherBox,

@@ -20,6 +20,7 @@ mod error;
 pub(super) mod inverse;
 mod measure;
 mod messages;
+mod saved;
 mod solver;
 mod surface;
 mod systems;

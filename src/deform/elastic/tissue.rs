@@ -1,10 +1,12 @@
 //! What bodies are made of.
 
 use bevy::prelude::*;
+use serde::{Deserialize, Serialize};
 
 /// How tissue gives way. The presets are orders of magnitude from the literature on soft tissue; living organs of one kind differ
 /// among themselves by a factor of three and more.
-#[derive(Clone, Copy, Debug, PartialEq, Reflect)]
+#[derive(Clone, Copy, Debug, PartialEq, Reflect, Serialize, Deserialize)]
+#[serde(default)]
 #[reflect(Default, Clone, Debug, PartialEq)]
 pub struct ElasticTissue {
     /// Young's modulus, pascal.
@@ -29,6 +31,19 @@ impl Default for ElasticTissue {
 }
 
 impl ElasticTissue {
+    /// All its numbers.
+    pub(super) fn numbers(&self) -> [f32; 6] {
+        let Self {
+            youngs_modulus_pa,
+            poisson_ratio,
+            density_kg_per_m3,
+            damping_s,
+            tears_at_stretch,
+            capsule_n_per_m,
+        } = *self;
+        [youngs_modulus_pa, poisson_ratio, density_kg_per_m3, damping_s, tears_at_stretch, capsule_n_per_m]
+    }
+
     /// A healthy liver in Glisson's capsule (some 2 MPa and 0.1 mm).
     pub const LIVER: Self = Self {
         youngs_modulus_pa: 5e3,

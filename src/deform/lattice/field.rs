@@ -1,9 +1,11 @@
 //! Translations at the vertices, and the field between them.
 
+use super::saved::SavedLattice;
 use super::tree::{Patch, Subdivision, Tree};
 use crate::deform::LatticeError;
 use bevy::prelude::*;
 use glam::{Affine3A, DMat3, DVec3};
+use serde::{Deserialize, Serialize};
 
 /// A lattice over the box of a volume or an organ, with a translation per vertex (paper of 2001, section 3).
 ///
@@ -11,9 +13,10 @@ use glam::{Affine3A, DMat3, DVec3};
 /// (equation 2). Translations are those of texture coordinates: matter moves *against* them, and to drag a vertex is to
 /// subtract ([`DeformLattice::drag_vertex`], equation 3). Both are in shares of the box; beyond the box `t` goes on as it is on
 /// its side. Vertices on edges and faces of coarser patches are constrained (equations 5 and 6).
-#[derive(Component, Clone, Debug, PartialEq, Reflect)]
+#[derive(Component, Clone, Debug, PartialEq, Reflect, Serialize, Deserialize)]
+#[serde(try_from = "SavedLattice", into = "SavedLattice")]
 #[reflect(opaque)]
-#[reflect(Component, Clone, Debug, PartialEq)]
+#[reflect(Component, Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct DeformLattice {
     tree: Tree,
     translations: Vec<Vec3>,
@@ -36,12 +39,16 @@ impl DeformLattice {
     /// A lattice at rest over a box that may be turned: `body_from_box` leads from shares of the box to the body's own space,
     /// metres.
     pub fn over(body_from_box: Affine3A, level: u32) -> Result<Self, LatticeError> {
+        Self::over_tree(body_from_box, Tree::uniform(level)?)
+    }
+
+    /// The same with given patches.
+    pub(crate) fn over_tree(body_from_box: Affine3A, tree: Tree) -> Result<Self, LatticeError> {
         let box_from_body = body_from_box.inverse();
         if !(body_from_box.is_finite() && body_from_box.matrix3.determinant() != 0.0 && box_from_body.is_finite()) {
             let low_m = body_from_box.translation.into();
             return Err(LatticeError::EmptyBox { low_m, high_m: body_from_box.transform_point3(Vec3::ONE) });
         }
-        let tree = Tree::uniform(level)?;
         let translations = vec![Vec3::ZERO; tree.vertex_count()];
         Ok(Self { tree, translations, body_from_box, box_from_body, revision: 0 })
     }

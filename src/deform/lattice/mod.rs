@@ -12,11 +12,13 @@ mod bounds;
 mod field;
 mod fold;
 mod inverse;
+mod saved;
 mod tree;
 
 pub use field::DeformLattice;
 pub(crate) use field::{map_in, trilinear};
 pub use inverse::LatticeInverse;
+pub(crate) use saved::SavedTree;
 pub(crate) use tree::corner;
 pub use tree::{Constraint, Patch, Subdivision, Tree};
 

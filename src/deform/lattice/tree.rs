@@ -4,6 +4,7 @@ use super::MAX_LEVEL;
 use crate::deform::LatticeError;
 use bevy::reflect::Reflect;
 use glam::{DVec3, IVec3, UVec3};
+use serde::{Deserialize, Serialize};
 use std::collections::BTreeSet;
 use std::fmt;
 
@@ -11,7 +12,7 @@ use std::fmt;
 const FINEST: u32 = 1 << MAX_LEVEL;
 
 /// A sub-cube of the box: one of `2^level` along each axis.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Reflect)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Reflect, Serialize, Deserialize)]
 pub struct Patch {
     /// How often the box was halved.
     pub level: u32,
@@ -117,6 +118,31 @@ impl Tree {
         let side = 1 << level;
         let cells = (0..side).flat_map(|z| (0..side).flat_map(move |y| (0..side).map(move |x| UVec3::new(x, y, z))));
         Ok(Self::new(cells.map(|cell| Patch { level, cell }).collect()))
+    }
+
+    /// The tree that has just these patches, in any order.
+    pub(super) fn of_patches(wanted: &[Patch]) -> Result<Self, LatticeError> {
+        if let Some(patch) = wanted.iter().find(|patch| patch.level > MAX_LEVEL) {
+            return Err(LatticeError::TooDeep { level: patch.level });
+        }
+        if let Some(&patch) = wanted.iter().find(|patch| patch.cell.cmpge(UVec3::splat(1 << patch.level)).any()) {
+            return Err(LatticeError::NoPatch { patch });
+        }
+        let mut tree = Self::uniform(0)?;
+        // What a wanted patch is a part of was halved, the coarsest first.
+        for level in 0..MAX_LEVEL {
+            let finer = wanted.iter().filter(|patch| patch.level > level);
+            let halved = finer.map(|patch| Patch { level, cell: patch.cell >> (patch.level - level) });
+            let halved: Vec<Patch> = halved.collect::<BTreeSet<_>>().into_iter().collect();
+            let halved: Vec<Patch> = halved.into_iter().filter(|patch| tree.number_of(*patch).is_some()).collect();
+            tree.subdivide_all(&halved)?;
+        }
+        let wanted: BTreeSet<Patch> = wanted.iter().copied().collect();
+        let differs = tree.patches.iter().find(|patch| !wanted.contains(patch));
+        match differs.or_else(|| wanted.iter().find(|patch| tree.number_of(**patch).is_none())) {
+            Some(&patch) => Err(LatticeError::NoPatch { patch }),
+            None => Ok(tree),
+        }
     }
 
     /// The tree with some patches that fill the box and obey the rule of neighbours.

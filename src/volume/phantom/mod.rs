@@ -12,6 +12,7 @@ mod shapes;
 use super::error::VolumeFault;
 use super::structures::Structures;
 use super::{Volume, VolumeGrid, Voxels};
+use bevy::prelude::ReflectDefault;
 use bevy::reflect::Reflect;
 use glam::{DVec3, UVec3};
 use serde::{Deserialize, Serialize};
@@ -23,6 +24,7 @@ pub const PHANTOM_SIZES: std::ops::RangeInclusive<u32> = 32..=512;
 
 /// What phantom to make.
 #[derive(Clone, Copy, Debug, PartialEq, Reflect, Serialize, Deserialize)]
+#[reflect(Default)]
 pub struct PhantomOptions {
     /// Voxels along each side of the cube, within [`PHANTOM_SIZES`].
     pub size: u32,
