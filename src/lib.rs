@@ -46,6 +46,8 @@ pub mod reactions;
 #[cfg(feature = "render")]
 pub mod render;
 pub mod scenario;
+#[cfg(feature = "scenes")]
+pub mod scenes;
 pub mod schedule;
 pub mod skin;
 pub mod sound;
@@ -166,6 +168,8 @@ impl PluginGroup for SurgeryPlugins {
             .add(scenario::ScenarioPlugin);
         #[cfg(feature = "render")]
         let group = group.add(view::SurgeryViewPlugin);
+        #[cfg(feature = "scenes")]
+        let group = group.add(scenes::ScenesPlugin);
         group
     }
 }

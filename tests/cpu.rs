@@ -14,6 +14,7 @@ mod haptics_servo;
 #[path = "pool_ecs.rs"]
 mod pool_ecs;
 mod scenario;
+mod scenes;
 mod sound;
 #[allow(dead_code)]
 mod support;

@@ -1,0 +1,207 @@
+//! What of a world is authored and what follows from that. The one list of both, for saving and for tests.
+
+use crate::deform::elastic::ElasticBody;
+use crate::deform::{DeformLattice, LatticeAnimation, OrganRide};
+use crate::haptics::force::SurfaceFeel;
+use crate::highlights::Highlights;
+use crate::organ::pick::OrganPicker;
+use crate::organ::{Hollow, LoadOrgan, Organ, OrganLoadFailed, OrganShape};
+use crate::pool::{
+    Bleeder, BleedingRules, Cavity, FluidSolver, Pool, PoolBackend, PoolFault, PoolFluid, PoolLevel, PoolLook,
+    PoolState, PoolSurface, SolverSettings, SuctionIrrigator, SuctionState, WaterBudget,
+};
+use crate::reactions::{ReactionModel, Reactions};
+use crate::skin::Skin;
+use crate::sound::ToolSound;
+use crate::tools::{
+    DeviceRefused, HoldDevice, ServoReading, Tool, ToolCommand, ToolContacts, ToolControls, ToolForce, ToolMotion,
+    ToolPose, ToolRig, ToolState, ToolWork,
+};
+use crate::volume::critical::CriticalDistances;
+use crate::volume::transfer::TransferFunction;
+use crate::volume::{
+    CtVolume, CutVolume, DeformedVolume, LoadVolume, MakePhantom, PickedVolume, RemovedTissue, SoftVolume,
+    VolumeLoadFailed, VolumeLook, WatchCritical,
+};
+use bevy::prelude::*;
+use bevy::reflect::{GetTypeRegistration, TypePath, TypeRegistry};
+use std::any::TypeId;
+
+/// A component by its type.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Kind {
+    pub id: TypeId,
+    pub path: fn() -> &'static str,
+    pub register: fn(&mut TypeRegistry),
+}
+
+impl Kind {
+    fn of<C: Component + GetTypeRegistration + TypePath>() -> Self {
+        Self { id: TypeId::of::<C>(), path: C::type_path, register: TypeRegistry::register::<C> }
+    }
+}
+
+macro_rules! kinds {
+    ($($component:ty),* $(,)?) => { [$(Kind::of::<$component>()),*] };
+}
+
+/// Components of the crate that a designer sets: these are what a saved scene holds.
+fn own() -> Vec<Kind> {
+    let mut kinds = kinds![
+        Organ, LoadOrgan, Hollow, Skin, Reactions, Highlights, SurfaceFeel, // organs
+        DeformLattice, ElasticBody, LatticeAnimation, SoftVolume, // what gives way
+        CtVolume, LoadVolume, MakePhantom, VolumeLook, TransferFunction, WatchCritical, // volumes
+        Pool, PoolLevel, PoolFluid, PoolBackend, SolverSettings, BleedingRules, PoolLook, Bleeder, SuctionIrrigator,
+        Tool, ToolPose, ToolRig, ToolControls, HoldDevice, ToolSound, // instruments
+    ]
+    .to_vec();
+    #[cfg(feature = "render")]
+    {
+        use crate::view::*;
+        kinds.extend(kinds![
+            Endoscope,
+            Microscope,
+            MicroscopeLamp,
+            ScopeLight,
+            ScopeMask,
+            StereoPair,
+            MonitorView,
+            ToolShadow,
+            ToolShadows
+        ]);
+    }
+    kinds
+}
+
+/// Components of Bevy that a scene of surgery is made of.
+fn of_bevy() -> Vec<Kind> {
+    let mut kinds = kinds![Name].to_vec();
+    #[cfg(feature = "render")]
+    {
+        use bevy::camera::visibility::RenderLayers;
+        use bevy::camera::{Camera, Camera3d, Exposure, Projection};
+        use bevy::core_pipeline::tonemapping::Tonemapping;
+        kinds.extend(kinds![
+            Camera,
+            Camera3d,
+            Projection,
+            Exposure,
+            Tonemapping,
+            Msaa,
+            RenderLayers,
+            DirectionalLight,
+            PointLight,
+            SpotLight
+        ]);
+    }
+    kinds
+}
+
+/// What holds a scene together. An entity with nothing else is saved where others hang from it.
+fn frame() -> Vec<Kind> {
+    let mut kinds = kinds![Transform, ChildOf, Children].to_vec();
+    #[cfg(feature = "render")]
+    kinds.extend(kinds![Visibility]);
+    kinds
+}
+
+/// Components of the crate that follow from the authored ones while the simulation runs, or are an input of the moment. They are
+/// not saved. What was drilled has a file format of its own ([`CutVolume::save`]).
+pub(super) fn derived() -> Vec<Kind> {
+    let mut kinds = kinds![
+        OrganShape, OrganPicker, OrganLoadFailed, ReactionModel, OrganRide, // of organs
+        CutVolume, RemovedTissue, PickedVolume, VolumeLoadFailed, DeformedVolume, CriticalDistances, // of volumes
+        Cavity, FluidSolver, PoolState, PoolFault, PoolSurface, WaterBudget, SuctionState, // of pools
+        ToolCommand, ToolMotion, ToolState, ToolContacts, ToolForce, ToolWork, DeviceRefused, ServoReading, // of tools
+    ]
+    .to_vec();
+    #[cfg(feature = "render")]
+    {
+        use crate::pool::render::flow::{GpuFlow, PoolReadings};
+        use crate::skin::SkinTexture;
+        use crate::view::{StereoEye, StereoEyes};
+        kinds.extend(kinds![GpuFlow, PoolReadings, SkinTexture, StereoEye, StereoEyes]);
+    }
+    kinds
+}
+
+/// A component that another one makes: that one is saved in its place.
+pub(super) struct MadeBy {
+    pub made: Kind,
+    pub by: Vec<Kind>,
+}
+
+pub(super) fn made() -> [MadeBy; 4] {
+    [
+        MadeBy { made: Kind::of::<Organ>(), by: kinds![LoadOrgan].to_vec() },
+        MadeBy { made: Kind::of::<CtVolume>(), by: kinds![LoadVolume, MakePhantom].to_vec() },
+        MadeBy { made: Kind::of::<DeformLattice>(), by: kinds![SoftVolume].to_vec() },
+        MadeBy { made: Kind::of::<ElasticBody>(), by: kinds![SoftVolume].to_vec() },
+    ]
+}
+
+/// The components that saved scenes hold: those of the crate that a designer sets, those of Bevy that hold them together, and
+/// those that an app adds to them.
+///
+/// What the simulation makes of them is not saved, but for places and poses as they are.
+#[derive(Resource, Clone, Debug)]
+pub struct SceneComponents {
+    saved: WorldFilter,
+    frame: WorldFilter,
+}
+
+impl Default for SceneComponents {
+    fn default() -> Self {
+        let filter = |kinds: Vec<Kind>| {
+            kinds.iter().fold(WorldFilter::deny_all(), |filter, kind| filter.allow_by_id(kind.id))
+        };
+        Self { saved: filter([own(), of_bevy(), frame()].concat()), frame: filter(frame()) }
+    }
+}
+
+/// Makes all types known that saved scenes hold, also where the plugins that use them are not there.
+pub(super) fn register(app: &mut App) {
+    let mut registry = app.world().resource::<AppTypeRegistry>().write();
+    for kind in [own(), of_bevy(), frame()].concat() {
+        (kind.register)(&mut registry);
+    }
+}
+
+impl SceneComponents {
+    /// Saves a component of the app too. It must be reflected and registered, with `#[reflect(Component)]`.
+    pub fn author<C: Component>(&mut self) -> &mut Self {
+        self.saved = std::mem::take(&mut self.saved).allow::<C>();
+        self
+    }
+
+    /// Saves a component no longer.
+    pub fn leave_out<C: Component>(&mut self) -> &mut Self {
+        self.saved = std::mem::take(&mut self.saved).deny::<C>();
+        self
+    }
+
+    /// Whether a component is saved.
+    pub fn is_authored<C: Component>(&self) -> bool {
+        self.saved.is_allowed::<C>()
+    }
+
+    /// Which components are saved, for Bevy's [`DynamicWorldBuilder`].
+    pub fn filter(&self) -> &WorldFilter {
+        &self.saved
+    }
+
+    /// Whether an entity with this component is worth saving.
+    pub(super) fn counts(&self, component: TypeId) -> bool {
+        self.saved.is_allowed_by_id(component) && !self.frame.is_allowed_by_id(component)
+    }
+
+    /// Type paths of the crate's components that a designer sets.
+    pub fn authored_of_crate() -> Vec<&'static str> {
+        own().iter().map(|kind| (kind.path)()).collect()
+    }
+
+    /// Type paths of the crate's components that follow from those, and are not saved.
+    pub fn derived_of_crate() -> Vec<&'static str> {
+        derived().iter().map(|kind| (kind.path)()).collect()
+    }
+}
