@@ -89,6 +89,11 @@ pub mod prelude {
     };
     #[cfg(feature = "render")]
     pub use crate::render::{OrganPasses, SurgeryRenderPlugin};
+    #[cfg(feature = "scenes")]
+    pub use crate::scenes::{
+        SceneComponents, ScenesPlugin, author_scene, liver_scene, load_scene, mastoid_scene, scene_text,
+        soft_volume_scene,
+    };
     pub use crate::schedule::{SurgerySchedulePlugin, SurgerySystems};
     pub use crate::skin::tiles::TileOptions;
     pub use crate::skin::{OrganPreset, Skin, SkinPlugin, TileSource};
@@ -111,8 +116,7 @@ pub mod prelude {
     pub use crate::volume::transfer::{ColourSource, ControlPoint, TransferFunction};
     pub use crate::volume::{
         CtVolume, CutVolume, DrillVolume, LoadVolume, MakePhantom, RemovedTissue, SmoothedNormals, SoftVolume, Volume,
-        VolumeGrid,
-        VolumeHitInWorld, VolumeLoadFailed, VolumeLook, VolumeMethod, VolumePicking, VolumePlugin, Voxels,
+        VolumeGrid, VolumeHitInWorld, VolumeLoadFailed, VolumeLook, VolumeMethod, VolumePicking, VolumePlugin, Voxels,
         VoxelsRemoved, WatchCritical, WetShading,
     };
 }

@@ -4,6 +4,8 @@
 mod broken;
 #[path = "scenes/components.rs"]
 mod components;
+#[path = "scenes/ready.rs"]
+mod ready;
 #[path = "scenes/round_trip.rs"]
 mod round_trip;
 
@@ -16,6 +18,7 @@ use bevy_surgery::testing::TestApp;
 fn saved_and_loaded(app: &TestApp) -> (String, TestApp, EntityHashMap<Entity>) {
     let text = scene_text(app.world()).expect("it can be saved");
     let mut fresh = TestApp::cpu();
-    let entities = load_scene(fresh.world_mut(), "test.scn.ron", &text).unwrap_or_else(|error| panic!("{error}\n{text}"));
+    let entities =
+        load_scene(fresh.world_mut(), "test.scn.ron", &text).unwrap_or_else(|error| panic!("{error}\n{text}"));
     (text, fresh, entities)
 }

@@ -56,7 +56,7 @@ pub struct KeyFrame {
 }
 
 /// How translations go from one key frame to the next.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Reflect, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Reflect, Serialize, Deserialize, VariantDefaults)]
 pub enum KeyInterpolation {
     /// Straight, with a jerk at every frame.
     Linear,

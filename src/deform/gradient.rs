@@ -6,13 +6,14 @@
 //! then reads `(A^T n) . l = n . (A l)`: instead of all gradients, turn the light into the patch by `A`.
 
 use super::lattice::{DeformLattice, Tree, trilinear};
+use bevy::ecs::VariantDefaults;
 use bevy::reflect::Reflect;
 use bevy::reflect::std_traits::ReflectDefault;
 use glam::{DMat3, DVec3, Mat3};
 use serde::{Deserialize, Serialize};
 
 /// How the deformation of gradients is found: what stands for the Jacobian.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Reflect, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Reflect, Serialize, Deserialize, VariantDefaults)]
 #[reflect(Clone, Debug, Default, PartialEq, Hash)]
 pub enum NormalDeformation {
     /// One affine map per patch, the nearest to the field (equations 7 to 10). It jumps between patches, which shows as facets

@@ -27,6 +27,7 @@ pub use radiance::highlight_radiance;
 #[cfg(feature = "render")]
 pub use render::{HighlightRing, HighlightsUniform};
 
+use bevy::ecs::VariantDefaults;
 use bevy::prelude::*;
 use serde::{Deserialize, Serialize};
 
@@ -72,7 +73,7 @@ impl Default for Highlights {
 }
 
 /// Which of the organ's other layers the reflections lie over.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Reflect, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Reflect, Serialize, Deserialize, VariantDefaults)]
 pub enum HighlightCover {
     /// Over skin and drops, which shine by their wetness: drawn in `OrganPasses::Highlights`.
     #[default]

@@ -12,6 +12,8 @@ use super::source::OrganSource;
 use super::sphere::SphereMesh;
 use super::texture_mesh::{self, SkinMesh, TextureMesh, TextureMeshError, TextureMeshOptions, TextureMeshReport};
 use bevy::asset::Asset;
+use bevy::ecs::VariantDefaults;
+use bevy::prelude::ReflectDefault;
 use bevy::reflect::Reflect;
 #[cfg(feature = "render")]
 use glam::DVec3;
@@ -20,7 +22,7 @@ use std::ops::Deref;
 use std::sync::Arc;
 
 /// How an organ gets its texture coordinates.
-#[derive(Clone, Debug, PartialEq, Reflect, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Reflect, Serialize, Deserialize, VariantDefaults)]
 pub enum ChartKind {
     /// The bijective spherical chart of a closed surface of genus 0.
     Sphere(ChartOptions),
@@ -37,6 +39,7 @@ impl Default for ChartKind {
 
 /// How to make an organ from a mesh; also the settings of [`OrganModelLoader`](super::OrganModelLoader).
 #[derive(Clone, Debug, PartialEq, Reflect, Serialize, Deserialize)]
+#[reflect(Default)]
 #[serde(default)]
 pub struct OrganOptions {
     /// What to read from the file.

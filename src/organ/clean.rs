@@ -4,6 +4,7 @@ mod weld;
 
 use crate::organ::error::MeshFault;
 use crate::organ::mesh::SurfaceMesh;
+use bevy::ecs::VariantDefaults;
 use bevy::reflect::Reflect;
 use glam::{DVec3, Vec2, Vec3};
 use serde::{Deserialize, Serialize};
@@ -24,7 +25,7 @@ const MAX_DEGENERATE_SHARE: f64 = 0.01;
 const MIN_VOLUME_SHARE: f64 = 1e-9;
 
 /// Which vertices of a file become one.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Reflect, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Reflect, Serialize, Deserialize, VariantDefaults)]
 pub enum Weld {
     /// All at one place; texture coordinates are dropped.
     #[default]
@@ -34,7 +35,7 @@ pub enum Weld {
 }
 
 /// What a surface must be.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Reflect, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Reflect, Serialize, Deserialize, VariantDefaults)]
 pub enum Topology {
     /// Closed and of genus 0, as a chart over the sphere needs.
     #[default]

@@ -6,6 +6,7 @@
 
 use super::ellipsoid::icosphere;
 use crate::organ::mesh::{self, SurfaceMesh};
+use bevy::prelude::ReflectDefault;
 use bevy::reflect::Reflect;
 use glam::{DVec3, Vec3};
 use rand_pcg::Pcg32;
@@ -23,6 +24,7 @@ const GRADIENT_STEP: f64 = 1e-3;
 
 /// Which liver to make. Values that are not positive numbers count as the default.
 #[derive(Clone, Copy, Debug, PartialEq, Reflect, Serialize, Deserialize)]
+#[reflect(Default)]
 #[serde(default)]
 pub struct ProceduralLiver {
     /// Picks one of many slightly different livers; the same seed gives the same bits.

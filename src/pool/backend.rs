@@ -3,6 +3,7 @@
 #[cfg(feature = "render")]
 use super::render::flow::{GpuFlow, PoolReadings};
 use super::{Dissolved, FluidAction, FluidSolver, SolverSettings};
+use bevy::ecs::VariantDefaults;
 use bevy::prelude::*;
 use serde::{Deserialize, Serialize};
 
@@ -10,7 +11,9 @@ use serde::{Deserialize, Serialize};
 /// machine, and what is read back from the GPU (blood, what is hidden) comes some frames late.
 ///
 /// A pool that changes over begins at rest with clear water.
-#[derive(Component, Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Reflect, Serialize, Deserialize)]
+#[derive(
+    Component, Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Reflect, Serialize, Deserialize, VariantDefaults,
+)]
 #[reflect(Component, Default, Clone)]
 pub enum PoolBackend {
     /// On the GPU where there is one, on the processor where the GPU is software or nothing is drawn.

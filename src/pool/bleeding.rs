@@ -5,11 +5,12 @@ use super::Pool;
 use crate::schedule::SurgerySystems;
 use crate::volume::structures::Tissue;
 use crate::volume::{CtVolume, Volume, VoxelsRemoved};
+use bevy::ecs::VariantDefaults;
 use bevy::prelude::*;
 use serde::{Deserialize, Serialize};
 
 /// What was done about a bleeder.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Reflect, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Reflect, Serialize, Deserialize, VariantDefaults)]
 pub enum BleedingControl {
     /// Nothing: it bleeds.
     #[default]

@@ -1,5 +1,6 @@
 //! How a pool looks (paper of 2009, sections 5.1 to 5.3).
 
+use bevy::ecs::VariantDefaults;
 use bevy::ecs::component::Component;
 use bevy::ecs::reflect::ReflectComponent;
 use bevy::reflect::Reflect;
@@ -8,7 +9,7 @@ use glam::Vec3;
 use serde::{Deserialize, Serialize};
 
 /// Which share of the light a surface reflects, by the angle to its normal.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Reflect, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Reflect, Serialize, Deserialize, VariantDefaults)]
 pub enum FresnelModel {
     /// `(1 - cos)^2` (paper of 2009, equation 5): nothing where one looks straight down.
     Paper,

@@ -1,5 +1,6 @@
 //! How much fluid a pool holds, and where it came from and went.
 
+use bevy::ecs::VariantDefaults;
 use bevy::ecs::component::Component;
 use bevy::ecs::reflect::ReflectComponent;
 use bevy::reflect::Reflect;
@@ -7,7 +8,7 @@ use bevy::reflect::std_traits::ReflectDefault;
 use serde::{Deserialize, Serialize};
 
 /// What decides how high a pool stands.
-#[derive(Clone, Component, Copy, Debug, Default, PartialEq, Reflect, Serialize, Deserialize)]
+#[derive(Clone, Component, Copy, Debug, Default, PartialEq, Reflect, Serialize, Deserialize, VariantDefaults)]
 #[reflect(Component, Default, Clone)]
 pub enum PoolLevel {
     /// What flows in and out: irrigation and bleeding raise it, suction and what runs over the rim lower it.

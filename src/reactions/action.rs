@@ -40,6 +40,7 @@ pub enum ReactionAction {
 
 /// An opened vessel: a first drop wells up at once, then it bleeds.
 #[derive(Clone, Copy, Debug, PartialEq, Reflect, Serialize, Deserialize)]
+#[reflect(Default)]
 #[serde(default)]
 pub struct Wound {
     /// Bleeding at the beginning, cubic metres per second (1 ml/min is 1.7e-8).

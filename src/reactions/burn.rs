@@ -1,6 +1,7 @@
 //! What burns look like, and the electrosurgical unit that makes them.
 
 use crate::organ::surface::NEUTRAL_GLOSS;
+use bevy::prelude::ReflectDefault;
 use bevy::reflect::Reflect;
 use serde::{Deserialize, Serialize};
 
@@ -8,7 +9,8 @@ use serde::{Deserialize, Serialize};
 const ENTRIES: usize = 256;
 
 /// How a texel of a burn is drawn.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Reflect, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Reflect, Serialize, Deserialize)]
+#[reflect(Default)]
 pub struct BurnLook {
     /// Premultiplied RGBA, sRGB-encoded.
     pub colour: [u8; 4],
@@ -23,6 +25,7 @@ impl BurnLook {
 
 /// A designer's stop of a [`BurnRamp`]: what tissue looks like that has received a dose.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Reflect, Serialize, Deserialize)]
+#[reflect(Default)]
 pub struct BurnStop {
     /// Heat received per area, J/mm2; see [`HeatMap`](super::heat::HeatMap).
     pub dose_j_per_mm2: f32,
@@ -40,6 +43,7 @@ pub struct BurnStop {
 /// Between stops the looks change linearly along the table. Entry 0 is skin that is not burnt; the last stop's dose has
 /// the last entry, and so has every greater one. Serialized as its stops.
 #[derive(Clone, Debug, PartialEq, Reflect, Serialize, Deserialize)]
+#[reflect(Default)]
 #[serde(from = "Vec<BurnStop>", into = "Vec<BurnStop>")]
 pub struct BurnRamp {
     stops: Vec<BurnStop>,
@@ -174,6 +178,7 @@ const COAGULATION_SPREAD: f64 = 1.25;
 /// of 0.8 to 0.25. How much heat stays and how far it reaches go with the logarithm of the duty cycle here, so that
 /// each halving changes them by as much; the shares at both ends are set for the looks that surgeons know.
 #[derive(Clone, Copy, Debug, PartialEq, Reflect, Serialize, Deserialize)]
+#[reflect(Default)]
 #[serde(default)]
 pub struct Cautery {
     /// Mean power into the tissue, watts. Units are used at 10 to 200; more counts as 200, less than nothing as none.

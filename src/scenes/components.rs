@@ -48,11 +48,38 @@ macro_rules! kinds {
 /// Components of the crate that a designer sets: these are what a saved scene holds.
 fn own() -> Vec<Kind> {
     let mut kinds = kinds![
-        Organ, LoadOrgan, Hollow, Skin, Reactions, Highlights, SurfaceFeel, // organs
-        DeformLattice, ElasticBody, LatticeAnimation, SoftVolume, // what gives way
-        CtVolume, LoadVolume, MakePhantom, VolumeLook, TransferFunction, WatchCritical, // volumes
-        Pool, PoolLevel, PoolFluid, PoolBackend, SolverSettings, BleedingRules, PoolLook, Bleeder, SuctionIrrigator,
-        Tool, ToolPose, ToolRig, ToolControls, HoldDevice, ToolSound, // instruments
+        Organ,
+        LoadOrgan,
+        Hollow,
+        Skin,
+        Reactions,
+        Highlights,
+        SurfaceFeel, // organs
+        DeformLattice,
+        ElasticBody,
+        LatticeAnimation,
+        SoftVolume, // what gives way
+        CtVolume,
+        LoadVolume,
+        MakePhantom,
+        VolumeLook,
+        TransferFunction,
+        WatchCritical, // volumes
+        Pool,
+        PoolLevel,
+        PoolFluid,
+        PoolBackend,
+        SolverSettings,
+        BleedingRules,
+        PoolLook,
+        Bleeder,
+        SuctionIrrigator,
+        Tool,
+        ToolPose,
+        ToolRig,
+        ToolControls,
+        HoldDevice,
+        ToolSound, // instruments
     ]
     .to_vec();
     #[cfg(feature = "render")]
@@ -109,10 +136,32 @@ fn frame() -> Vec<Kind> {
 /// not saved. What was drilled has a file format of its own ([`CutVolume::save`]).
 pub(super) fn derived() -> Vec<Kind> {
     let mut kinds = kinds![
-        OrganShape, OrganPicker, OrganLoadFailed, ReactionModel, OrganRide, // of organs
-        CutVolume, RemovedTissue, PickedVolume, VolumeLoadFailed, DeformedVolume, CriticalDistances, // of volumes
-        Cavity, FluidSolver, PoolState, PoolFault, PoolSurface, WaterBudget, SuctionState, // of pools
-        ToolCommand, ToolMotion, ToolState, ToolContacts, ToolForce, ToolWork, DeviceRefused, ServoReading, // of tools
+        OrganShape,
+        OrganPicker,
+        OrganLoadFailed,
+        ReactionModel,
+        OrganRide, // of organs
+        CutVolume,
+        RemovedTissue,
+        PickedVolume,
+        VolumeLoadFailed,
+        DeformedVolume,
+        CriticalDistances, // of volumes
+        Cavity,
+        FluidSolver,
+        PoolState,
+        PoolFault,
+        PoolSurface,
+        WaterBudget,
+        SuctionState, // of pools
+        ToolCommand,
+        ToolMotion,
+        ToolState,
+        ToolContacts,
+        ToolForce,
+        ToolWork,
+        DeviceRefused,
+        ServoReading, // of tools
     ]
     .to_vec();
     #[cfg(feature = "render")]
@@ -152,9 +201,8 @@ pub struct SceneComponents {
 
 impl Default for SceneComponents {
     fn default() -> Self {
-        let filter = |kinds: Vec<Kind>| {
-            kinds.iter().fold(WorldFilter::deny_all(), |filter, kind| filter.allow_by_id(kind.id))
-        };
+        let filter =
+            |kinds: Vec<Kind>| kinds.iter().fold(WorldFilter::deny_all(), |filter, kind| filter.allow_by_id(kind.id));
         Self { saved: filter([own(), of_bevy(), frame()].concat()), frame: filter(frame()) }
     }
 }

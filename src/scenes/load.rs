@@ -29,7 +29,8 @@ pub fn read_scene(
         let at = byte_of(&text, line, column);
         let entries = entries(&text);
         // The last one that begins before the place, if it does not end before.
-        let entry = entries.iter().rev().find(|entry| entry.path_at.start <= at).filter(|entry| at <= entry.value_at.end);
+        let entry =
+            entries.iter().rev().find(|entry| entry.path_at.start <= at).filter(|entry| at <= entry.value_at.end);
         SceneError::Broken {
             file: file.into(),
             line,
@@ -60,7 +61,12 @@ pub fn load_scene(world: &mut World, file: &str, text: &str) -> Result<EntityHas
         for entity in entities.values() {
             world.despawn(*entity);
         }
-        SceneError::Incomplete { file: file.into(), component: "a component".into(), entity: 0, reason: error.to_string() }
+        SceneError::Incomplete {
+            file: file.into(),
+            component: "a component".into(),
+            entity: 0,
+            reason: error.to_string(),
+        }
     })?;
     Ok(entities)
 }
@@ -69,11 +75,12 @@ pub fn load_scene(world: &mut World, file: &str, text: &str) -> Result<EntityHas
 fn check(file: &str, scene: &DynamicWorld, registry: &TypeRegistry) -> Result<(), SceneError> {
     let incomplete = |value: &dyn PartialReflect, entity: u64, reason: String| SceneError::Incomplete {
         file: file.into(),
-        component: value.reflect_type_path().into(),
+        component: value.get_represented_type_info().map_or("a component", |info| info.type_path()).into(),
         entity,
         reason,
     };
-    let known = |value: &dyn PartialReflect| value.get_represented_type_info().and_then(|info| registry.get(info.type_id()));
+    let known =
+        |value: &dyn PartialReflect| value.get_represented_type_info().and_then(|info| registry.get(info.type_id()));
     for resource in &scene.resources {
         let is_resource = known(&**resource).is_some_and(|known| known.data::<ReflectResource>().is_some());
         if !is_resource || resource.is_dynamic() {

@@ -3,6 +3,7 @@ mod components;
 mod error;
 mod load;
 mod migrate;
+mod ready;
 mod save;
 mod text;
 mod version;
@@ -10,6 +11,7 @@ mod version;
 pub use components::SceneComponents;
 pub use error::SceneError;
 pub use load::{SceneLoader, load_scene, read_scene};
+pub use ready::*;
 pub use save::{author_scene, author_scene_of, scene_text};
 pub use version::SceneVersion;
 

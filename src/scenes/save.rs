@@ -32,10 +32,7 @@ pub fn author_scene(world: &World) -> Result<DynamicWorld, SceneError> {
 ///
 /// # Errors
 /// As [`author_scene`].
-pub fn author_scene_of(
-    world: &World,
-    entities: impl IntoIterator<Item = Entity>,
-) -> Result<DynamicWorld, SceneError> {
+pub fn author_scene_of(world: &World, entities: impl IntoIterator<Item = Entity>) -> Result<DynamicWorld, SceneError> {
     let default = SceneComponents::default();
     let components = world.get_resource::<SceneComponents>().unwrap_or(&default);
     let saved = saved_entities(world, components, entities);
@@ -134,7 +131,8 @@ fn is_authored(world: &World, entity: Entity) -> bool {
     let is_eye = entity.contains::<crate::view::StereoEye>();
     #[cfg(not(feature = "render"))]
     let is_eye = false;
-    let was_opened = entity.get::<Bleeder>().is_some_and(|bleeder| bleeder.label != 0);
+    // A burr gives no names.
+    let was_opened = entity.get::<Bleeder>().is_some_and(|bleeder| bleeder.label != 0) && !entity.contains::<Name>();
     !(is_eye || was_opened || entity.contains_id(IS_RESOURCE))
 }
 

@@ -9,7 +9,9 @@ use std::fmt;
 ///
 /// The minor one grows when a component or field gets another name or goes; scenes of older ones load. The major one grows when
 /// scenes of before can no longer be read. A field that is new needs neither: it takes its default.
-#[derive(Resource, Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Hash, Reflect, Serialize, Deserialize)]
+#[derive(
+    Resource, Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Hash, Reflect, Serialize, Deserialize,
+)]
 #[reflect(Resource, Default, Clone)]
 pub struct SceneVersion {
     /// Scenes of another one cannot be read.

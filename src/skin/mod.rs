@@ -21,6 +21,7 @@ pub use presets::OrganPreset;
 #[cfg(feature = "render")]
 pub use render::{SkinTexture, SkinTileLibrary, SkinUniform};
 
+use bevy::ecs::VariantDefaults;
 use bevy::prelude::*;
 use serde::{Deserialize, Serialize};
 use tiles::TileOptions;
@@ -61,7 +62,7 @@ impl Default for Skin {
 }
 
 /// Where the tiles of a skin come from.
-#[derive(Clone, Debug, PartialEq, Reflect, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Reflect, Serialize, Deserialize, VariantDefaults)]
 pub enum TileSource {
     /// Made once for all organs that name the same options, off the main thread.
     Generated(TileOptions),

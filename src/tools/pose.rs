@@ -30,6 +30,7 @@ impl ToolPose {
 
 /// Place and rotation of an instrument.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Reflect, Serialize, Deserialize)]
+#[reflect(Default)]
 pub struct ToolPlace {
     /// Middle of the tip, world, metres.
     pub tip_in_world_m: Vec3,

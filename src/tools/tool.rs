@@ -3,6 +3,7 @@
 use super::{ToolCommand, ToolContacts, ToolForce, ToolMotion, ToolPose, ToolWork};
 use crate::reactions::{Wound, burn::Cautery};
 use crate::volume::cut::Burr;
+use bevy::ecs::VariantDefaults;
 use bevy::prelude::*;
 use serde::{Deserialize, Serialize};
 
@@ -23,7 +24,7 @@ pub struct Tool {
 }
 
 /// A hand of the surgeon.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Reflect, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Reflect, Serialize, Deserialize, VariantDefaults)]
 pub enum ToolHand {
     /// The right one.
     #[default]
@@ -33,7 +34,7 @@ pub enum ToolHand {
 }
 
 /// Kinds of instruments, and what the [`ToolCommand`] makes them do.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Reflect, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Reflect, Serialize, Deserialize, VariantDefaults)]
 pub enum ToolKind {
     /// Presses: the skin turns pale under it.
     #[default]
@@ -55,6 +56,7 @@ pub enum ToolKind {
 
 /// Jaws of a grasper.
 #[derive(Clone, Copy, Debug, PartialEq, Reflect, Serialize, Deserialize)]
+#[reflect(Default)]
 #[serde(default, deny_unknown_fields)]
 pub struct Jaws {
     /// They hold tissue within this distance of the tip, metres.
@@ -74,6 +76,7 @@ impl Default for Jaws {
 
 /// What an electrode gives under each pedal.
 #[derive(Clone, Copy, Debug, PartialEq, Reflect, Serialize, Deserialize)]
+#[reflect(Default)]
 #[serde(default, deny_unknown_fields)]
 pub struct Electrodes {
     /// Under the pedal.
@@ -90,6 +93,7 @@ impl Default for Electrodes {
 
 /// A burr and its motor.
 #[derive(Clone, Copy, Debug, PartialEq, Reflect, Serialize, Deserialize)]
+#[reflect(Default)]
 #[serde(default, deny_unknown_fields)]
 pub struct DrillHead {
     /// The burr.
@@ -113,6 +117,7 @@ impl Default for DrillHead {
 
 /// Outline of an instrument: a ball at the tip and a straight shaft. The tip of a drill is its burr.
 #[derive(Clone, Copy, Debug, PartialEq, Reflect, Serialize, Deserialize)]
+#[reflect(Default)]
 #[serde(default, deny_unknown_fields)]
 pub struct ToolGeometry {
     /// Radius of the ball at the tip, metres.

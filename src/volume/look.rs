@@ -1,6 +1,7 @@
 //! How a volume is shown.
 
 use crate::deform::NormalDeformation;
+use bevy::ecs::VariantDefaults;
 use bevy::prelude::*;
 use serde::{Deserialize, Serialize};
 
@@ -10,7 +11,7 @@ pub const MAX_CLIP_PLANES: usize = 6;
 pub const MAX_SMOOTHING_PASSES: u32 = 16;
 
 /// How the voxels become a picture. Both ways sample the same planes and give the same picture.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Reflect, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Reflect, Serialize, Deserialize, VariantDefaults)]
 pub enum VolumeMethod {
     /// A ray per pixel, which skips empty space and stops where nothing shines through any more. The faster one.
     #[default]
@@ -23,7 +24,7 @@ pub enum VolumeMethod {
 }
 
 /// Which normals are smoothed (paper of 2009, figure 7).
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Reflect, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Reflect, Serialize, Deserialize, VariantDefaults)]
 pub enum SmoothedNormals {
     /// None: dry, and every voxel glitters.
     None,
@@ -36,6 +37,7 @@ pub enum SmoothedNormals {
 
 /// Wet shading of a volume (paper of 2009, section 5.4).
 #[derive(Clone, Copy, Debug, PartialEq, Reflect, Serialize, Deserialize)]
+#[reflect(Default)]
 #[serde(default)]
 pub struct WetShading {
     /// Whether light falls on it at all; otherwise it shows its own colours.

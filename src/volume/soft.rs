@@ -72,11 +72,7 @@ impl SoftVolume {
     ///
     /// # Errors
     /// [`ElasticError`] for a level beyond the deepest, and a volume in which nothing is.
-    pub fn make(
-        &self,
-        volume: &Volume,
-        gravity_m_per_s2: Vec3,
-    ) -> Result<(DeformLattice, ElasticBody), ElasticError> {
+    pub fn make(&self, volume: &Volume, gravity_m_per_s2: Vec3) -> Result<(DeformLattice, ElasticBody), ElasticError> {
         let lattice = volume.grid().lattice(self.level)?;
         let by_structure = ElasticBody::of_volume(&lattice, volume)?;
         let body = match self.tissue {

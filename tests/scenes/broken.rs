@@ -43,7 +43,7 @@ fn faults_are_named_with_file_component_and_reason() {
     let text = scene();
     let mut app = TestApp::cpu();
     let cases = [
-        ("skin::Skin\"", "skin::Pelt\"", "skin::Pelt", "No registration found"),
+        ("skin::Skin\"", "skin::Pelt\"", "skin::Pelt", "no registration found"),
         ("mottle: ", "mottle: \"much\" ,mottled: ", "skin::Skin", "expected"),
         ("mottle: ", "motley: ", "skin::Skin", "motley"),
         ("Generated((", "Woven((", "skin::Skin", "Woven"),
@@ -102,5 +102,8 @@ fn scenes_from_the_future_are_refused() {
 #[test]
 fn deep_files_do_no_harm() {
     let deep = "(".repeat(200_000);
-    refused(&mut TestApp::cpu(), &format!("(resources: {{}}, entities: {{1: (components: {{\"bevy_ecs::name::Name\": {deep}"));
+    refused(
+        &mut TestApp::cpu(),
+        &format!("(resources: {{}}, entities: {{1: (components: {{\"bevy_ecs::name::Name\": {deep}"),
+    );
 }

@@ -46,10 +46,18 @@ fn alter(value: &mut dyn PartialReflect, altered: &mut u32) {
         return;
     }
     match value.reflect_mut() {
-        ReflectMut::Struct(it) => (0..it.field_len()).for_each(|n| alter(it.field_at_mut(n).expect("it is there"), altered)),
-        ReflectMut::TupleStruct(it) => (0..it.field_len()).for_each(|n| alter(it.field_mut(n).expect("it is there"), altered)),
-        ReflectMut::Tuple(it) => (0..it.field_len()).for_each(|n| alter(it.field_mut(n).expect("it is there"), altered)),
-        ReflectMut::Enum(it) => (0..it.field_len()).for_each(|n| alter(it.field_at_mut(n).expect("it is there"), altered)),
+        ReflectMut::Struct(it) => {
+            (0..it.field_len()).for_each(|n| alter(it.field_at_mut(n).expect("it is there"), altered))
+        }
+        ReflectMut::TupleStruct(it) => {
+            (0..it.field_len()).for_each(|n| alter(it.field_mut(n).expect("it is there"), altered))
+        }
+        ReflectMut::Tuple(it) => {
+            (0..it.field_len()).for_each(|n| alter(it.field_mut(n).expect("it is there"), altered))
+        }
+        ReflectMut::Enum(it) => {
+            (0..it.field_len()).for_each(|n| alter(it.field_at_mut(n).expect("it is there"), altered))
+        }
         ReflectMut::List(it) => (0..it.len()).for_each(|n| alter(it.get_mut(n).expect("it is there"), altered)),
         ReflectMut::Array(it) => (0..it.len()).for_each(|n| alter(it.get_mut(n).expect("it is there"), altered)),
         _ => {}
@@ -82,7 +90,8 @@ fn every_component_comes_back_as_it_was() {
         let mut value = default_of(path, &registry);
         let mut altered = 0;
         alter(value.as_partial_reflect_mut(), &mut altered);
-        let entity = app.world_mut().spawn_empty().id();
+        // Without a name some are taken for those that the simulation made.
+        let entity = app.world_mut().spawn(Name::new(path)).id();
         let component = registry.get_with_type_path(path).and_then(|it| it.data::<ReflectComponent>());
         let component = component.expect("it is a component");
         component.insert(&mut app.world_mut().entity_mut(entity), value.as_partial_reflect(), &registry);
@@ -90,10 +99,8 @@ fn every_component_comes_back_as_it_was() {
     }
     let (text, fresh, map) = saved_and_loaded(&app);
     for (path, entity, altered) in entities {
-        let (before, after) = (
-            reflected(app.world(), entity, path, &registry),
-            reflected(fresh.world(), map[&entity], path, &registry),
-        );
+        let (before, after) =
+            (reflected(app.world(), entity, path, &registry), reflected(fresh.world(), map[&entity], path, &registry));
         let is_equal = after.reflect_partial_eq(before.as_partial_reflect());
         assert_eq!(is_equal, Some(true), "{path}: {before:?} became {after:?}\n{text}");
         let is_default = before.reflect_partial_eq(default_of(path, &registry).as_partial_reflect());
@@ -134,8 +141,12 @@ fn parts(info: &TypeInfo, registry: &TypeRegistry, found: &mut BTreeSet<&'static
         TypeInfo::Enum(it) => {
             for variant in it.iter() {
                 match variant {
-                    bevy::reflect::enums::VariantInfo::Struct(it) => inner.extend(it.iter().map(|field| field.type_id())),
-                    bevy::reflect::enums::VariantInfo::Tuple(it) => inner.extend(it.iter().map(|field| field.type_id())),
+                    bevy::reflect::enums::VariantInfo::Struct(it) => {
+                        inner.extend(it.iter().map(|field| field.type_id()))
+                    }
+                    bevy::reflect::enums::VariantInfo::Tuple(it) => {
+                        inner.extend(it.iter().map(|field| field.type_id()))
+                    }
                     bevy::reflect::enums::VariantInfo::Unit(_) => {}
                 }
             }
@@ -172,13 +183,13 @@ fn every_component_is_either_saved_or_derived() {
     let saved: BTreeSet<&str> = SceneComponents::authored_of_crate().into_iter().collect();
     let derived: BTreeSet<&str> = SceneComponents::derived_of_crate().into_iter().collect();
     assert_eq!(saved.intersection(&derived).count(), 0);
-    let components = registry.iter().filter(|it| it.data::<ReflectComponent>().is_some() && it.data::<ReflectResource>().is_none());
-    let own: Vec<&str> = components
-        .map(|it| it.type_info().type_path())
-        .filter(|path| path.starts_with("bevy_surgery::"))
-        .collect();
+    let components =
+        registry.iter().filter(|it| it.data::<ReflectComponent>().is_some() && it.data::<ReflectResource>().is_none());
+    let own: Vec<&str> =
+        components.map(|it| it.type_info().type_path()).filter(|path| path.starts_with("bevy_surgery::")).collect();
     assert!(own.len() > 40, "only {} components are known", own.len());
-    let unlisted: BTreeSet<&&str> = own.iter().filter(|path| !saved.contains(*path) && !derived.contains(*path)).collect();
+    let unlisted: BTreeSet<&&str> =
+        own.iter().filter(|path| !saved.contains(*path) && !derived.contains(*path)).collect();
     assert_eq!(unlisted, BTreeSet::new(), "say in src/scenes/components.rs what they are");
 }
 

@@ -33,14 +33,8 @@ impl Default for ElasticTissue {
 impl ElasticTissue {
     /// All its numbers.
     pub(super) fn numbers(&self) -> [f32; 6] {
-        let Self {
-            youngs_modulus_pa,
-            poisson_ratio,
-            density_kg_per_m3,
-            damping_s,
-            tears_at_stretch,
-            capsule_n_per_m,
-        } = *self;
+        let Self { youngs_modulus_pa, poisson_ratio, density_kg_per_m3, damping_s, tears_at_stretch, capsule_n_per_m } =
+            *self;
         [youngs_modulus_pa, poisson_ratio, density_kg_per_m3, damping_s, tears_at_stretch, capsule_n_per_m]
     }
 

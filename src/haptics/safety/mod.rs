@@ -10,12 +10,14 @@ mod tracking;
 pub use tracking::{Tracked, Tracking};
 
 use super::device::DeviceLimits;
+use bevy::prelude::ReflectDefault;
 use bevy::reflect::Reflect;
 use glam::DVec3;
 use serde::{Deserialize, Serialize};
 
 /// How careful the chain is. Limits of force and slew are the device's own, and these can only lower them.
 #[derive(Clone, Copy, Debug, PartialEq, Reflect, Serialize, Deserialize)]
+#[reflect(Default)]
 pub struct SafetySettings {
     /// Greatest force as a share of the device's, up to 1.
     pub force_share: f64,

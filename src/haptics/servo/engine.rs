@@ -9,6 +9,7 @@ use crate::haptics::exchange::{Publisher, Subscriber, exchange};
 use crate::haptics::force::{ContactPatch, ContactShape, Coupling, Obstacle, Proxy, SurfaceFeel};
 use crate::haptics::safety::{SafetyChain, SafetySettings, Tracked, Tracking, Wanted};
 use crate::haptics::stats::TimingMeter;
+use bevy::prelude::ReflectDefault;
 use bevy::reflect::Reflect;
 use glam::{DQuat, DVec3};
 use serde::{Deserialize, Serialize};
@@ -17,6 +18,7 @@ use std::sync::mpsc::{SyncSender, sync_channel};
 
 /// How the loop runs.
 #[derive(Clone, Copy, Debug, PartialEq, Reflect, Serialize, Deserialize)]
+#[reflect(Default)]
 pub struct ServoSettings {
     /// Seconds per tick in a thread; stiffness is limited for it.
     pub period_s: f64,

@@ -22,6 +22,7 @@ pub use report::{ChartMethod, ChartReport, Distortion, PoleReport};
 
 use super::mesh::SurfaceMesh;
 use super::sphere::SphereMesh;
+use bevy::prelude::ReflectDefault;
 use bevy::reflect::Reflect;
 use relax::Effort;
 use serde::{Deserialize, Serialize};
@@ -29,6 +30,7 @@ use std::f64::consts::PI;
 
 /// How to chart an organ.
 #[derive(Clone, Copy, Debug, PartialEq, Reflect, Serialize, Deserialize)]
+#[reflect(Default)]
 #[serde(default)]
 pub struct ChartOptions {
     /// Where the poles go.

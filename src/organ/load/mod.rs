@@ -12,6 +12,8 @@ use crate::files::excerpt;
 use crate::organ::clean::{self, CleanReport, MAX_FACES, MAX_VERTICES, RawMesh, Topology, Weld};
 use crate::organ::error::{MeshError, MeshFault};
 use crate::organ::mesh::SurfaceMesh;
+use bevy::ecs::VariantDefaults;
+use bevy::prelude::ReflectDefault;
 use bevy::reflect::Reflect;
 use glam::Vec3;
 use serde::{Deserialize, Serialize};
@@ -22,7 +24,7 @@ pub const MAX_EXTENT_M: f32 = 10.0;
 pub const MIN_EXTENT_M: f32 = 0.001;
 
 /// How the numbers in a file become metres.
-#[derive(Clone, Copy, Debug, PartialEq, Reflect, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Reflect, Serialize, Deserialize, VariantDefaults)]
 pub enum MeshUnit {
     /// Metres per file unit: 0.001 for millimetres, 0.01 for centimetres.
     Metres(f32),
@@ -38,6 +40,7 @@ impl Default for MeshUnit {
 
 /// What to read from a mesh file and what it must satisfy.
 #[derive(Clone, Debug, Default, PartialEq, Reflect, Serialize, Deserialize)]
+#[reflect(Default)]
 #[serde(default)]
 pub struct LoadOptions {
     /// How the file's numbers become metres.

@@ -38,6 +38,7 @@ use super::{
     mesh::{NO_FACE, SurfaceMesh},
     sphere::{SphereMesh, SurfacePoint},
 };
+use bevy::prelude::ReflectDefault;
 use bevy::reflect::Reflect;
 use glam::{DVec3, Vec3};
 use serde::{Deserialize, Serialize};
@@ -60,6 +61,7 @@ const LAST_STRAIGHTENING_SWEEPS: u32 = 8;
 
 /// How to make a texture mesh.
 #[derive(Clone, Debug, PartialEq, Reflect, Serialize, Deserialize)]
+#[reflect(Default)]
 pub struct TextureMeshOptions {
     /// Wanted edge length of the texture triangles along the surface, metres; `None` chooses it from the organ's area
     /// such that about [`DEFAULT_TRIANGLES`] cover it.

@@ -21,6 +21,7 @@ mod x86;
 use super::threads::for_cells;
 use super::{FluidAction, FluidSource, PoolError, PoolGrid, StepAmounts, StirNoise, WetMask};
 use advect::Flow;
+use bevy::ecs::VariantDefaults;
 use bevy::ecs::component::Component;
 use bevy::ecs::reflect::ReflectComponent;
 use bevy::reflect::Reflect;
@@ -42,7 +43,7 @@ static MASKS: AtomicU64 = AtomicU64::new(1);
 pub const MAX_CELLS_PER_STEP: f32 = 24.0;
 
 /// How quantities are carried by the flow.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Reflect, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Reflect, Serialize, Deserialize, VariantDefaults)]
 pub enum Advection {
     /// From where the flow comes from, interpolated (Stam 1999). Eddies fade.
     #[default]

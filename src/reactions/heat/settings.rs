@@ -1,5 +1,6 @@
 //! What heated tissue is made of.
 
+use bevy::prelude::ReflectDefault;
 use bevy::reflect::Reflect;
 use serde::{Deserialize, Serialize};
 
@@ -10,6 +11,7 @@ const LONGEST_COOLING_S: f64 = 1e9;
 ///
 /// Values out of range count as the nearest end of their range, those that are no numbers as the default.
 #[derive(Clone, Copy, Debug, PartialEq, Reflect, Serialize, Deserialize)]
+#[reflect(Default)]
 #[serde(default)]
 pub struct HeatSettings {
     /// Thickness of the layer that takes up the heat, metres; 10 micrometres to 5 cm. Electrosurgical marks on liver

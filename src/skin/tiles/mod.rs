@@ -31,6 +31,7 @@ pub use edges::EdgeMismatch;
 pub use points::{FeaturePoint, PointLayer, TilePoints};
 pub use ramp::{ColourRamp, RampStop};
 
+use bevy::prelude::ReflectDefault;
 use bevy::reflect::Reflect;
 use glam::{Vec2, Vec3};
 use serde::{Deserialize, Serialize};
@@ -52,6 +53,7 @@ const MIN_CELL_PX: f64 = 8.0;
 
 /// What the tiles look like.
 #[derive(Clone, Debug, PartialEq, Reflect, Serialize, Deserialize)]
+#[reflect(Default)]
 #[serde(default)]
 pub struct TileOptions {
     /// Side of each tile's square texture: a power of two, 64 to 4096.
@@ -72,6 +74,7 @@ pub struct TileOptions {
 
 /// A finer Worley pattern over the cells. Where its own cells would be less than 8 texels wide it is left out.
 #[derive(Clone, Copy, Debug, PartialEq, Reflect, Serialize, Deserialize)]
+#[reflect(Default)]
 #[serde(default)]
 pub struct TileDetail {
     /// How many fine cells fit along one cell, 1..=8.

@@ -1,12 +1,14 @@
 //! Turning a Worley distance into a colour, and the sRGB transfer curve in exact, repeatable arithmetic.
 
 use super::TileError;
+use bevy::prelude::ReflectDefault;
 use bevy::reflect::Reflect;
 use serde::{Deserialize, Serialize};
 use std::sync::LazyLock;
 
 /// One control point of a [`ColourRamp`].
-#[derive(Clone, Copy, Debug, PartialEq, Reflect, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Reflect, Serialize, Deserialize)]
+#[reflect(Default)]
 pub struct RampStop {
     /// Distance to the nearest feature point divided by the Poisson radius: 0 is a cell's middle, borders between two
     /// cells lie at 0.5 and beyond, corners between three cells near 0.8 to 1.
@@ -24,7 +26,8 @@ impl RampStop {
 
 /// A piecewise linear colour map over the normalised distance. Colours are given in sRGB and mixed in linear light;
 /// before the first and after the last control point the colour stays constant.
-#[derive(Clone, Debug, PartialEq, Reflect, Serialize, Deserialize)]
+#[derive(Clone, Debug, Default, PartialEq, Reflect, Serialize, Deserialize)]
+#[reflect(Default)]
 pub struct ColourRamp {
     /// Control points in ascending order of position, at least one.
     pub stops: Vec<RampStop>,

@@ -2,11 +2,12 @@
 
 use crate::haptics::device::DeviceSample;
 use crate::tools::{ToolCommand, ToolKind};
+use bevy::ecs::VariantDefaults;
 use bevy::prelude::*;
 use serde::{Deserialize, Serialize};
 
 /// A part of a device that is pressed.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Reflect, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Reflect, Serialize, Deserialize, VariantDefaults)]
 pub enum DeviceControl {
     /// None.
     #[default]

@@ -1,5 +1,6 @@
 //! Burrs: what turns at the end of a drill.
 
+use bevy::prelude::ReflectDefault;
 use bevy::reflect::Reflect;
 use glam::Vec3;
 use serde::{Deserialize, Serialize};
@@ -66,6 +67,7 @@ pub enum BurrError {
 
 /// A burr.
 #[derive(Clone, Copy, Debug, PartialEq, Reflect, Serialize, Deserialize)]
+#[reflect(Default)]
 pub struct Burr {
     /// How it takes bone away.
     pub kind: BurrKind,

@@ -27,6 +27,7 @@ pub use stack::stack_grid;
 use super::error::{DicomSeries, VolumeError, VolumeFault};
 use super::{Volume, VolumeGrid, Voxels, check_size};
 use crate::files::{Fetch, excerpt};
+use bevy::prelude::ReflectDefault;
 use bevy::reflect::Reflect;
 use glam::{DAffine3, DMat3, DVec3, UVec3};
 use serde::{Deserialize, Serialize};
@@ -37,6 +38,7 @@ use std::path::Path;
 
 /// What to read from a file or folder that holds more than one volume, and where its voxels lie if it does not say so rightly.
 #[derive(Clone, Debug, Default, PartialEq, Reflect, Serialize, Deserialize)]
+#[reflect(Default)]
 #[serde(default)]
 pub struct VolumeLoadOptions {
     /// SeriesInstanceUID of the wanted DICOM series, for folders with several.

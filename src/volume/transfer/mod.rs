@@ -8,12 +8,14 @@ pub use colours::colours;
 pub use table::{TABLE_ENTRIES, TransferTable};
 
 use bevy::color::Srgba;
+use bevy::ecs::VariantDefaults;
 use bevy::prelude::{Component, ReflectComponent, ReflectDefault};
 use bevy::reflect::Reflect;
 use serde::{Deserialize, Serialize};
 
 /// One control point of a transfer function.
-#[derive(Clone, Copy, Debug, PartialEq, Reflect, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Reflect, Serialize, Deserialize)]
+#[reflect(Default)]
 pub struct ControlPoint {
     /// The value it stands at, in the units that [`TransferFunction::scale`] names.
     pub value: f64,
@@ -24,7 +26,7 @@ pub struct ControlPoint {
 }
 
 /// What the values of control points are.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Reflect, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Reflect, Serialize, Deserialize, VariantDefaults)]
 pub enum ValueScale {
     /// Values of the volume: Hounsfield units for CT.
     #[default]
@@ -34,7 +36,7 @@ pub enum ValueScale {
 }
 
 /// Where colours come from.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Reflect, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Reflect, Serialize, Deserialize, VariantDefaults)]
 pub enum ColourSource {
     /// From the control points.
     #[default]
