@@ -11,6 +11,7 @@ use crate::pool::{
     PoolState, PoolSurface, SolverSettings, SuctionIrrigator, SuctionState, WaterBudget,
 };
 use crate::reactions::{ReactionModel, Reactions};
+use crate::scenario::{ScenarioEye, ScenarioPart};
 use crate::skin::Skin;
 use crate::sound::ToolSound;
 use crate::tools::{
@@ -74,6 +75,7 @@ fn own() -> Vec<Kind> {
         PoolLook,
         Bleeder,
         SuctionIrrigator,
+        ScenarioEye,
         Tool,
         ToolPose,
         ToolRig,
@@ -162,6 +164,7 @@ pub(super) fn derived() -> Vec<Kind> {
         ToolWork,
         DeviceRefused,
         ServoReading, // of tools
+        ScenarioPart,
     ]
     .to_vec();
     #[cfg(feature = "render")]
