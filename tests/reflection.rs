@@ -65,6 +65,8 @@ const NOT_DATA: &[(&str, &str)] = &[
     ("Judge", "follows a run"),
     ("ScriptedHand", "holds a generator of random numbers"),
     ("ReadyScenario", "a constant of the crate"),
+    ("Template", "makes a component of a scene"),
+    ("SceneComponents", "a list of types"),
 ];
 
 /// Folders whose types live in the render world, which has no registry.

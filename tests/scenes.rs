@@ -8,6 +8,8 @@ mod components;
 mod ready;
 #[path = "scenes/round_trip.rs"]
 mod round_trip;
+#[path = "scenes/versions.rs"]
+mod versions;
 
 use bevy::ecs::entity::EntityHashMap;
 use bevy::prelude::*;

@@ -24,6 +24,8 @@ pub fn read_scene(
     assets: &mut dyn LoadFromPath,
 ) -> Result<DynamicWorld, SceneError> {
     let text = migrated(file, text, SceneVersion::NOW, MIGRATIONS)?;
+    #[cfg(not(feature = "render"))]
+    let text = super::migrate::without_views(&text);
     let broken = |error: ron::error::SpannedError| {
         let (line, column) = (error.span.end.line, error.span.end.col);
         let at = byte_of(&text, line, column);

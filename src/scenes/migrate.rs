@@ -77,6 +77,23 @@ pub(super) fn migrated<'a>(
     Ok(text)
 }
 
+/// Rooms and crates that are there with the feature `render` only.
+#[cfg(not(feature = "render"))]
+const SEEN: &[&str] =
+    &["bevy_surgery::view::", "bevy_camera::", "bevy_core_pipeline::", "bevy_light::", "bevy_render::"];
+
+/// The text without what is only seen, so that programs that draw nothing read the same scenes.
+#[cfg(not(feature = "render"))]
+pub(super) fn without_views(text: &str) -> String {
+    let mut text = text.to_string();
+    for entry in entries(&text).iter().rev().filter(|entry| SEEN.iter().any(|seen| entry.path.starts_with(seen))) {
+        let behind = &text[entry.value_at.end..];
+        let end = entry.value_at.end + usize::from(behind.starts_with(','));
+        text.replace_range(entry.path_at.start - 1..end, "");
+    }
+    text
+}
+
 /// The version that a scene's text carries.
 fn version_of(text: &str) -> Option<SceneVersion> {
     let entry = entries(text).into_iter().find(|entry| entry.path == SceneVersion::type_path())?;

@@ -4,7 +4,8 @@ use super::components::{SceneComponents, made};
 use super::{SceneError, SceneVersion};
 use crate::organ::Organ;
 use crate::pool::Bleeder;
-use crate::volume::CtVolume;
+use crate::volume::transfer::TransferFunction;
+use crate::volume::{CtVolume, has_suited_transfer};
 use bevy::asset::UntypedHandle;
 use bevy::ecs::entity::EntityMapper;
 use bevy::ecs::relationship::RelationshipTarget;
@@ -51,7 +52,8 @@ pub fn author_scene_of(world: &World, entities: impl IntoIterator<Item = Entity>
             let is_made = made.iter().any(|it| Some(it.made.id) == kind && it.by.iter().any(|by| has(by.id)));
             let is_orphaned = kind == Some(TypeId::of::<ChildOf>())
                 && here.get::<ChildOf>().is_none_or(|parent| !saved.contains(&parent.parent()));
-            !is_made && !is_orphaned && kind != Some(TypeId::of::<Children>())
+            let is_suited = kind == Some(TypeId::of::<TransferFunction>()) && has_suited_transfer(here);
+            !is_made && !is_orphaned && !is_suited && kind != Some(TypeId::of::<Children>())
         });
         // Children that are not saved are none.
         let children: Vec<Entity> = here.get::<Children>().into_iter().flatten().copied().collect();

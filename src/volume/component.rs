@@ -37,6 +37,12 @@ struct CutOf {
 #[derive(Component)]
 struct Suited(TransferFunction);
 
+/// Whether a volume's transfer function was chosen because there was none.
+#[cfg(feature = "scenes")]
+pub(crate) fn has_suited_transfer(entity: EntityRef) -> bool {
+    entity.get::<Suited>().is_some_and(|suited| entity.get() == Some(&suited.0))
+}
+
 type Body = (
     Entity,
     &'static CtVolume,

@@ -31,6 +31,8 @@ mod warp;
 mod watch;
 
 pub use asset::{LoadVolume, MakePhantom, VolumeLoadFailed, VolumeLoader};
+#[cfg(feature = "scenes")]
+pub(crate) use component::has_suited_transfer;
 pub use component::{CtVolume, PrepareCuts};
 pub use cut::CutVolume;
 pub use data::{MAX_SIDE, MAX_VOXELS, Volume, Voxels, check_size};

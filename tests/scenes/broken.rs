@@ -44,11 +44,11 @@ fn faults_are_named_with_file_component_and_reason() {
     let mut app = TestApp::cpu();
     let cases = [
         ("skin::Skin\"", "skin::Pelt\"", "skin::Pelt", "no registration found"),
-        ("mottle: ", "mottle: \"much\" ,mottled: ", "skin::Skin", "expected"),
+        ("mottle: ", "mottle: \"much\" ,mottled: ", "skin::Skin", "Expected float"),
         ("mottle: ", "motley: ", "skin::Skin", "motley"),
         ("Generated((", "Woven((", "skin::Skin", "Woven"),
         ("kind: Drill((", "kind: Chisel((", "tools::tool::Tool", "Chisel"),
-        ("flutes: 8", "flutes: -8", "tools::tool::Tool", "-8"),
+        ("flutes: 8", "flutes: -8", "tools::tool::Tool", "out of bounds"),
         ("\"liver\"", "7", "bevy_ecs::name::Name", "string"),
     ];
     for (from, to, component, reason) in cases {

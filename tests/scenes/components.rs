@@ -64,7 +64,7 @@ fn alter(value: &mut dyn PartialReflect, altered: &mut u32) {
     }
 }
 
-fn authored() -> Vec<&'static str> {
+pub fn authored() -> Vec<&'static str> {
     let by_hand = |path: &&str| BY_HAND.iter().any(|(other, _)| other == path);
     SceneComponents::authored_of_crate().into_iter().filter(|path| !by_hand(path)).collect()
 }
@@ -80,6 +80,21 @@ fn reflected<'a>(world: &'a World, entity: Entity, path: &str, registry: &TypeRe
     component.reflect(world.entity(entity)).unwrap_or_else(|| panic!("{path} did not come back"))
 }
 
+/// Spawns a component with other numbers than its default's; returns how many there are.
+pub fn altered(world: &mut World, path: &str) -> (Entity, u32) {
+    let registry = world.resource::<AppTypeRegistry>().clone();
+    let registry = registry.read();
+    let mut value = default_of(path, &registry);
+    let mut numbers = 0;
+    alter(value.as_partial_reflect_mut(), &mut numbers);
+    // Without a name some are taken for those that the simulation made.
+    let entity = world.spawn(Name::new(path.to_string())).id();
+    let component = registry.get_with_type_path(path).and_then(|it| it.data::<ReflectComponent>());
+    let component = component.expect("it is a component");
+    component.insert(&mut world.entity_mut(entity), value.as_partial_reflect(), &registry);
+    (entity, numbers)
+}
+
 #[test]
 fn every_component_comes_back_as_it_was() {
     let mut app = TestApp::cpu();
@@ -87,24 +102,17 @@ fn every_component_comes_back_as_it_was() {
     let registry = registry.read();
     let mut entities = Vec::new();
     for path in authored() {
-        let mut value = default_of(path, &registry);
-        let mut altered = 0;
-        alter(value.as_partial_reflect_mut(), &mut altered);
-        // Without a name some are taken for those that the simulation made.
-        let entity = app.world_mut().spawn(Name::new(path)).id();
-        let component = registry.get_with_type_path(path).and_then(|it| it.data::<ReflectComponent>());
-        let component = component.expect("it is a component");
-        component.insert(&mut app.world_mut().entity_mut(entity), value.as_partial_reflect(), &registry);
-        entities.push((path, entity, altered));
+        let (entity, numbers) = altered(app.world_mut(), path);
+        entities.push((path, entity, numbers));
     }
     let (text, fresh, map) = saved_and_loaded(&app);
-    for (path, entity, altered) in entities {
+    for (path, entity, numbers) in entities {
         let (before, after) =
             (reflected(app.world(), entity, path, &registry), reflected(fresh.world(), map[&entity], path, &registry));
         let is_equal = after.reflect_partial_eq(before.as_partial_reflect());
         assert_eq!(is_equal, Some(true), "{path}: {before:?} became {after:?}\n{text}");
         let is_default = before.reflect_partial_eq(default_of(path, &registry).as_partial_reflect());
-        assert!(altered == 0 || is_default == Some(false), "{path}: only its default was tried");
+        assert!(numbers == 0 || is_default == Some(false), "{path}: only its default was tried");
     }
 }
 
