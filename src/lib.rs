@@ -151,6 +151,7 @@ use bevy::app::{PluginGroup, PluginGroupBuilder};
 /// | [`SoundPlugin`](sound::SoundPlugin) | [`ToolSound`](sound::ToolSound) | tools; feature `sound` and Bevy's `AudioPlugin` to be heard |
 /// | [`ScenarioPlugin`](scenario::ScenarioPlugin) | [`ScenarioRun`](scenario::ScenarioRun): goals, rules, log, replay | all above |
 /// | [`SurgeryViewPlugin`](view::SurgeryViewPlugin) (feature `render`) | [`Endoscope`](view::Endoscope), [`Microscope`](view::Microscope), [`ScopeLight`](view::ScopeLight), [`ScopeMask`](view::ScopeMask), [`StereoPair`](view::StereoPair), [`MonitorView`](view::MonitorView), [`ToolShadows`](view::ToolShadows) | render |
+/// | [`ScenesPlugin`](scenes::ScenesPlugin) (feature `scenes`) | saved scenes ([`scene_text`](scenes::scene_text), [`load_scene`](scenes::load_scene)), ready ones ([`liver_scene`](scenes::liver_scene)); Bevy's plugins for scenes where nobody added them | all above |
 pub struct SurgeryPlugins;
 
 impl PluginGroup for SurgeryPlugins {

@@ -27,6 +27,17 @@ use crate::volume::{
 use bevy::prelude::*;
 use bevy::reflect::{GetTypeRegistration, TypePath, TypeRegistry};
 use std::any::TypeId;
+#[cfg(feature = "render")]
+use {
+    crate::pool::render::flow::{GpuFlow, PoolReadings},
+    crate::skin::SkinTexture,
+    crate::view::{
+        Endoscope, Microscope, MicroscopeLamp, MonitorView, ScopeLight, ScopeMask, StereoEye, StereoEyes, StereoPair,
+        ToolShadow, ToolShadows,
+    },
+    bevy::camera::{Exposure, visibility::RenderLayers},
+    bevy::core_pipeline::tonemapping::Tonemapping,
+};
 
 /// A component by its type.
 #[derive(Clone, Copy, Debug)]
@@ -42,139 +53,70 @@ impl Kind {
     }
 }
 
+/// Lists components; those behind `seen` are there with the feature `render` only.
 macro_rules! kinds {
-    ($($component:ty),* $(,)?) => { [$(Kind::of::<$component>()),*] };
+    ($($component:ty),* $(,)?) => { vec![$(Kind::of::<$component>()),*] };
+    ($($component:ty),*; seen: $($seen:ty),* $(,)?) => {{
+        let kinds = kinds![$($component),*];
+        #[cfg(feature = "render")]
+        let kinds = [kinds, kinds![$($seen),*]].concat();
+        kinds
+    }};
 }
 
 /// Components of the crate that a designer sets: these are what a saved scene holds.
+#[rustfmt::skip]
 fn own() -> Vec<Kind> {
-    let mut kinds = kinds![
-        Organ,
-        LoadOrgan,
-        Hollow,
-        Skin,
-        Reactions,
-        Highlights,
-        SurfaceFeel, // organs
-        DeformLattice,
-        ElasticBody,
-        LatticeAnimation,
-        SoftVolume, // what gives way
-        CtVolume,
-        LoadVolume,
-        MakePhantom,
-        VolumeLook,
-        TransferFunction,
-        WatchCritical, // volumes
-        Pool,
-        PoolLevel,
-        PoolFluid,
-        PoolBackend,
-        SolverSettings,
-        BleedingRules,
-        PoolLook,
-        Bleeder,
-        SuctionIrrigator,
-        ScenarioEye,
-        Tool,
-        ToolPose,
-        ToolRig,
-        ToolControls,
-        HoldDevice,
-        ToolSound, // instruments
+    kinds![
+        // Organs.
+        Organ, LoadOrgan, Hollow, Skin, Reactions, Highlights, SurfaceFeel,
+        // What gives way.
+        DeformLattice, ElasticBody, LatticeAnimation, SoftVolume,
+        // Volumes.
+        CtVolume, LoadVolume, MakePhantom, VolumeLook, TransferFunction, WatchCritical,
+        // Fluid.
+        Pool, PoolLevel, PoolFluid, PoolBackend, SolverSettings, BleedingRules, PoolLook, Bleeder, SuctionIrrigator,
+        // Instruments.
+        Tool, ToolPose, ToolRig, ToolControls, HoldDevice, ToolSound,
+        // Training.
+        ScenarioEye;
+        seen: Endoscope, Microscope, MicroscopeLamp, ScopeLight, ScopeMask, StereoPair, MonitorView, ToolShadow,
+        ToolShadows,
     ]
-    .to_vec();
-    #[cfg(feature = "render")]
-    {
-        use crate::view::*;
-        kinds.extend(kinds![
-            Endoscope,
-            Microscope,
-            MicroscopeLamp,
-            ScopeLight,
-            ScopeMask,
-            StereoPair,
-            MonitorView,
-            ToolShadow,
-            ToolShadows
-        ]);
-    }
-    kinds
 }
 
 /// Components of Bevy that a scene of surgery is made of.
+#[rustfmt::skip]
 fn of_bevy() -> Vec<Kind> {
-    let mut kinds = kinds![Name].to_vec();
-    #[cfg(feature = "render")]
-    {
-        use bevy::camera::visibility::RenderLayers;
-        use bevy::camera::{Camera, Camera3d, Exposure, Projection};
-        use bevy::core_pipeline::tonemapping::Tonemapping;
-        kinds.extend(kinds![
-            Camera,
-            Camera3d,
-            Projection,
-            Exposure,
-            Tonemapping,
-            Msaa,
-            RenderLayers,
-            DirectionalLight,
-            PointLight,
-            SpotLight
-        ]);
-    }
-    kinds
+    kinds![
+        Name;
+        seen: Camera, Camera3d, Projection, Exposure, Tonemapping, Msaa, RenderLayers, DirectionalLight, PointLight,
+        SpotLight,
+    ]
 }
 
 /// What holds a scene together. An entity with nothing else is saved where others hang from it.
 fn frame() -> Vec<Kind> {
-    let mut kinds = kinds![Transform, ChildOf, Children].to_vec();
-    #[cfg(feature = "render")]
-    kinds.extend(kinds![Visibility]);
-    kinds
+    kinds![Transform, ChildOf, Children; seen: Visibility]
 }
 
 /// Components of the crate that follow from the authored ones while the simulation runs, or are an input of the moment. They are
 /// not saved. What was drilled has a file format of its own ([`CutVolume::save`]).
-pub(super) fn derived() -> Vec<Kind> {
-    let mut kinds = kinds![
-        OrganShape,
-        OrganPicker,
-        OrganLoadFailed,
-        ReactionModel,
-        OrganRide, // of organs
-        CutVolume,
-        RemovedTissue,
-        PickedVolume,
-        VolumeLoadFailed,
-        DeformedVolume,
-        CriticalDistances, // of volumes
-        Cavity,
-        FluidSolver,
-        PoolState,
-        PoolFault,
-        PoolSurface,
-        WaterBudget,
-        SuctionState, // of pools
-        ToolCommand,
-        ToolMotion,
-        ToolState,
-        ToolContacts,
-        ToolForce,
-        ToolWork,
-        DeviceRefused,
-        ServoReading, // of tools
-        ScenarioPart,
+#[rustfmt::skip]
+fn derived() -> Vec<Kind> {
+    kinds![
+        // Of organs.
+        OrganShape, OrganPicker, OrganLoadFailed, ReactionModel, OrganRide,
+        // Of volumes.
+        CutVolume, RemovedTissue, PickedVolume, VolumeLoadFailed, DeformedVolume, CriticalDistances,
+        // Of pools.
+        Cavity, FluidSolver, PoolState, PoolFault, PoolSurface, WaterBudget, SuctionState,
+        // Of instruments.
+        ToolCommand, ToolMotion, ToolState, ToolContacts, ToolForce, ToolWork, DeviceRefused, ServoReading,
+        // Of scenarios.
+        ScenarioPart;
+        seen: GpuFlow, PoolReadings, SkinTexture, StereoEye, StereoEyes,
     ]
-    .to_vec();
-    #[cfg(feature = "render")]
-    {
-        use crate::pool::render::flow::{GpuFlow, PoolReadings};
-        use crate::skin::SkinTexture;
-        use crate::view::{StereoEye, StereoEyes};
-        kinds.extend(kinds![GpuFlow, PoolReadings, SkinTexture, StereoEye, StereoEyes]);
-    }
-    kinds
 }
 
 /// A component that another one makes: that one is saved in its place.
@@ -185,10 +127,10 @@ pub(super) struct MadeBy {
 
 pub(super) fn made() -> [MadeBy; 4] {
     [
-        MadeBy { made: Kind::of::<Organ>(), by: kinds![LoadOrgan].to_vec() },
-        MadeBy { made: Kind::of::<CtVolume>(), by: kinds![LoadVolume, MakePhantom].to_vec() },
-        MadeBy { made: Kind::of::<DeformLattice>(), by: kinds![SoftVolume].to_vec() },
-        MadeBy { made: Kind::of::<ElasticBody>(), by: kinds![SoftVolume].to_vec() },
+        MadeBy { made: Kind::of::<Organ>(), by: kinds![LoadOrgan] },
+        MadeBy { made: Kind::of::<CtVolume>(), by: kinds![LoadVolume, MakePhantom] },
+        MadeBy { made: Kind::of::<DeformLattice>(), by: kinds![SoftVolume] },
+        MadeBy { made: Kind::of::<ElasticBody>(), by: kinds![SoftVolume] },
     ]
 }
 

@@ -89,7 +89,9 @@ pub(super) fn without_views(text: &str) -> String {
     for entry in entries(&text).iter().rev().filter(|entry| SEEN.iter().any(|seen| entry.path.starts_with(seen))) {
         let behind = &text[entry.value_at.end..];
         let end = entry.value_at.end + usize::from(behind.starts_with(','));
-        text.replace_range(entry.path_at.start - 1..end, "");
+        // Lines keep their numbers for messages.
+        let lines = "\n".repeat(line_of(&text, end) - line_of(&text, entry.path_at.start));
+        text.replace_range(entry.path_at.start - 1..end, &lines);
     }
     text
 }

@@ -1,11 +1,13 @@
 //! Scenes of every version of the crate, as files: one per version in `tests/fixtures`, which must go on loading.
 
+#[cfg(feature = "render")]
 use super::components::{altered, authored};
 use bevy::asset::UnapprovedPathMode;
 use bevy::prelude::*;
 use bevy_surgery::prelude::*;
 use bevy_surgery::scenes::{SceneComponents, SceneVersion, load_scene, scene_text};
 use bevy_surgery::testing::TestApp;
+#[cfg(feature = "render")]
 use bevy_surgery::tools::ToolRig;
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};

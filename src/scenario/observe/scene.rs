@@ -2,11 +2,11 @@
 
 use crate::deform::DeformLattice;
 use crate::organ::pick::OrganPicker;
-use crate::organ::{Organ, OrganModel, OrganShape};
+use crate::organ::{LoadOrgan, Organ, OrganLoadFailed, OrganModel, OrganShape};
 use crate::pool::{Bleeder, PoolState, WaterBudget};
 use crate::reactions::ReactionModel;
 use crate::tools::{Tool, ToolCommand, ToolContacts, ToolForce, ToolMotion, ToolPose, ToolState};
-use crate::volume::{CtVolume, CutVolume, DeformedVolume, LoadVolume, PickedVolume, RemovedTissue, VolumeLoadFailed};
+use crate::volume::{CtVolume, CutVolume, DeformedVolume, LoadVolume, MakePhantom, PickedVolume, RemovedTissue, VolumeLoadFailed};
 use bevy::ecs::system::SystemParam;
 use bevy::prelude::*;
 
@@ -49,6 +49,9 @@ pub(in crate::scenario) type ToolParts = (
     &'static ToolState,
 );
 
+type Unmade = (With<LoadOrgan>, Without<Organ>, Without<OrganLoadFailed>);
+type Unbuilt = (With<MakePhantom>, Without<CtVolume>, Without<VolumeLoadFailed>);
+
 /// Everything that is looked at.
 #[derive(SystemParam)]
 pub(in crate::scenario) struct Scene<'w, 's> {
@@ -60,6 +63,7 @@ pub(in crate::scenario) struct Scene<'w, 's> {
     pub bleeders: Query<'w, 's, &'static Bleeder>,
     pub lattices: Query<'w, 's, &'static DeformLattice>,
     pub loading: Query<'w, 's, (), (With<LoadVolume>, Without<CtVolume>, Without<VolumeLoadFailed>)>,
+    pub making: Query<'w, 's, (), Or<(Unmade, Unbuilt)>>,
     pub eyes: Query<'w, 's, &'static GlobalTransform, With<ScenarioEye>>,
 }
 
@@ -68,7 +72,7 @@ impl Scene<'_, '_> {
     pub fn is_ready(&self) -> bool {
         let organs = self.organs.iter().all(|(_, _, _, shape, picker, ..)| shape.is_some() && picker.is_some());
         let volumes = self.volumes.iter().all(|(_, _, _, cut, picked, ..)| cut.is_some() && picked.is_some());
-        organs && volumes && self.loading.is_empty()
+        organs && volumes && self.loading.is_empty() && self.making.is_empty()
     }
 
     /// Where the eye is.
