@@ -3,7 +3,8 @@
 //! `--scenario` names a ready one or a file; without it there is a list. 1 to 9 choose the instrument that the mouse (or `--device`)
 //! holds; the left button is the pedal, the wheel reaches in and out, the right button is the second pedal. G switches the guidance, Escape ends the run.
 //! `--record FILE` writes the run down, `--replay FILE` performs it again, and with `--retry-at SECONDS` it goes on from there with
-//! your hand. When it is over the score and what was measured are written to `report.json` in `--out`.
+//! your hand. When it is over, its report is written beside those of earlier runs (`out/training/run-1.html`, `.csv`, `.json`, or in
+//! `--out`), and compared with them.
 
 // Queries spell out what they touch.
 #![allow(clippy::too_many_arguments, clippy::type_complexity)]
@@ -19,12 +20,12 @@ mod view;
 use bevy::prelude::*;
 use bevy_surgery::prelude::*;
 use bevy_surgery::scenario::log::{LogRecord, RunLog};
-use bevy_surgery::scenario::metrics::{measure, weighted_score};
+use bevy_surgery::scenario::report::RunReport;
 use bevy_surgery::scenario::scripted::{ScriptedHand, Skill};
 use bevy_surgery::scenario::{READY_SCENARIOS, ReadyScenario, RunPhase, Scenario, ScenarioRun};
 use common::{Args, Stage, StepsLeft, Viewer};
 use serde_json::json;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
 /// Steps of a run that has no limit, where nobody is there to end it.
@@ -106,7 +107,7 @@ fn scenario(wanted: Option<&str>) -> Result<(Scenario, String), String> {
 }
 
 /// Ends a headless run when the scenario is over; a window stays, with the score in it.
-fn finish(run: Res<ScenarioRun>, mut steps: ResMut<StepsLeft>, mut told: Local<bool>) {
+fn finish(run: Res<ScenarioRun>, args: Res<Args>, mut steps: ResMut<StepsLeft>, mut told: Local<bool>) {
     let words = match run.phase() {
         RunPhase::Ended(end) => {
             let passed = if end.is_passed { "passed" } else { "not passed" };
@@ -118,6 +119,11 @@ fn finish(run: Res<ScenarioRun>, mut steps: ResMut<StepsLeft>, mut told: Local<b
     steps.0 = 0;
     if !*told && !words.is_empty() {
         println!("{words}");
+        match run.log().map(|log| report(log, args.out.as_deref())) {
+            Some(Ok(file)) => println!("{}", file.display()),
+            Some(Err(reason)) => error!("{reason}"),
+            None => {}
+        }
         if let Some(second) = run.diverged_s() {
             println!("the replay is another run from second {second} on");
         }
@@ -125,18 +131,38 @@ fn finish(run: Res<ScenarioRun>, mut steps: ResMut<StepsLeft>, mut told: Local<b
     *told = true;
 }
 
+/// Writes the report of a run beside those of earlier ones; gives the page.
+fn report(log: &RunLog, folder: Option<&Path>) -> Result<PathBuf, String> {
+    let folder = folder.unwrap_or(Path::new("out/training"));
+    let fault = |file: &Path, error: &dyn std::fmt::Display| format!("{}: {error}", file.display());
+    std::fs::create_dir_all(folder).map_err(|error| fault(folder, &error))?;
+    let named = |number: u32, ending: &str| folder.join(format!("run-{number}.{ending}"));
+    let mut earlier = Vec::new();
+    let number = loop {
+        let number = earlier.len() as u32 + 1;
+        let file = named(number, "json");
+        let Ok(text) = std::fs::read_to_string(&file) else { break number };
+        earlier.push(RunReport::from_json(&text).map_err(|error| fault(&file, &error))?);
+    };
+    let report = RunReport::of(log);
+    let json = report.to_json().map_err(|error| error.to_string())?;
+    let texts = [("json", json), ("csv", report.to_csv()), ("html", report.to_html(&earlier))];
+    for (ending, text) in texts {
+        let file = named(number, ending);
+        std::fs::write(&file, text).map_err(|error| fault(&file, &error))?;
+    }
+    Ok(named(number, "html"))
+}
+
 fn count(world: &mut World) -> serde_json::Map<String, serde_json::Value> {
     let mut counters = serde_json::Map::new();
     let run = world.resource::<ScenarioRun>();
     let Some(log) = run.log() else { return counters };
-    let metrics = measure(log);
     counters.insert("scenario".into(), json!(run.scenario().name));
     counters.insert("patient".into(), json!(run.seed()));
     counters.insert("time_s".into(), json!(run.time_s()));
     counters.insert("score".into(), json!(run.score()));
     counters.insert("end".into(), json!(run.end()));
-    counters.insert("metrics_score".into(), json!(weighted_score(&metrics)));
-    counters.insert("metrics".into(), json!(metrics));
     let events = log.entries.iter().filter_map(|entry| match &entry.record {
         LogRecord::Goal(_) | LogRecord::Violation(_) => Some(json!([log.time_s(entry.step), entry.record])),
         _ => None,

@@ -86,6 +86,7 @@ mod observe;
 mod patient;
 mod ready;
 mod replay;
+pub mod report;
 mod run;
 mod scene;
 pub mod scripted;

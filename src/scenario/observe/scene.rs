@@ -6,7 +6,9 @@ use crate::organ::{LoadOrgan, Organ, OrganLoadFailed, OrganModel, OrganShape};
 use crate::pool::{Bleeder, PoolState, WaterBudget};
 use crate::reactions::ReactionModel;
 use crate::tools::{Tool, ToolCommand, ToolContacts, ToolForce, ToolMotion, ToolPose, ToolState};
-use crate::volume::{CtVolume, CutVolume, DeformedVolume, LoadVolume, MakePhantom, PickedVolume, RemovedTissue, VolumeLoadFailed};
+use crate::volume::{
+    CtVolume, CutVolume, DeformedVolume, LoadVolume, MakePhantom, PickedVolume, RemovedTissue, VolumeLoadFailed,
+};
 use bevy::ecs::system::SystemParam;
 use bevy::prelude::*;
 
