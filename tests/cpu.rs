@@ -14,6 +14,9 @@ mod haptics_servo;
 #[path = "pool_ecs.rs"]
 mod pool_ecs;
 mod scenario;
+mod scenario_metrics;
+mod scenario_report;
+mod scenario_runs;
 mod scenes;
 mod sound;
 #[allow(dead_code)]

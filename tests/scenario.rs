@@ -6,8 +6,6 @@ mod files;
 mod judging;
 #[path = "scenario/logs.rs"]
 mod logs;
-#[path = "scenario/metrics.rs"]
-mod metrics;
 #[path = "scenario/ready.rs"]
 mod ready;
 #[path = "scenario/replays.rs"]

@@ -8,6 +8,9 @@
 use super::motion::{IDLE_M_PER_S, is_rate, runs};
 use bevy::math::DVec3;
 
+/// Ways shorter than this share of the shortest stroke have no direction.
+const LEAST_WAY_SHARE: f64 = 0.05;
+
 /// What counts as a stroke.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct StrokeRule {
@@ -72,15 +75,14 @@ pub fn strokes(positions_m: &[DVec3], rate_hz: f64, rule: &StrokeRule) -> Vec<St
         return Vec::new();
     }
     let k = ((rule.reach_s * rate_hz).round() as usize).clamp(1, positions_m.len());
-    let cosines = k_cosines(positions_m, k, rule.rest_m_per_s * k as f64 / rate_hz);
+    let cosines = k_cosines(positions_m, k, LEAST_WAY_SHARE * rule.min_length_m);
+    let turns = turns(&cosines, rule.turn_cosine);
     let mut found = Vec::new();
     for (first, last) in moving(positions_m, rate_hz, rule) {
         let mut from = first;
-        for index in first + 1..last {
-            if is_turn(&cosines, index, k, rule.turn_cosine) {
-                found.extend(stroke(positions_m, from, index, rate_hz, rule));
-                from = index;
-            }
+        for &turn in turns.iter().filter(|turn| (first + 1..last).contains(turn)) {
+            found.extend(stroke(positions_m, from, turn, rate_hz, rule));
+            from = turn;
         }
         found.extend(stroke(positions_m, from, last, rate_hz, rule));
     }
@@ -103,19 +105,24 @@ fn moving(positions_m: &[DVec3], rate_hz: f64, rule: &StrokeRule) -> Vec<(usize,
     found
 }
 
-/// Whether the way turns most here: of equal places within reach the first one.
-fn is_turn(cosines: &[Option<f64>], index: usize, k: usize, above: f64) -> bool {
-    let Some(here) = cosines[index].filter(|cosine| *cosine > above) else { return false };
-    let around = |range: std::ops::Range<usize>| cosines[range].iter().flatten().copied().fold(-1.0, f64::max);
-    let (before, after) =
-        (around(index.saturating_sub(k)..index), around(index + 1..(index + k + 1).min(cosines.len())));
-    here > before && here >= after
+/// Where the way turns: of each row of places at which it does, the one at which it turns most, in the middle of those that are equal.
+fn turns(cosines: &[Option<f64>], above: f64) -> Vec<usize> {
+    let cosine = |index: usize| cosines[index].unwrap_or(-1.0);
+    let rows = runs(cosines.len(), |index| cosine(index) > above);
+    let sharpest = |row: std::ops::Range<usize>| {
+        let most = row.clone().map(cosine).fold(-1.0, f64::max) - 1e-9;
+        let (first, last) = (row.clone().find(|at| cosine(*at) >= most)?, row.rev().find(|at| cosine(*at) >= most)?);
+        Some((first + last) / 2)
+    };
+    rows.into_iter().filter_map(sharpest).collect()
 }
 
 fn stroke(positions_m: &[DVec3], first: usize, last: usize, rate_hz: f64, rule: &StrokeRule) -> Option<Stroke> {
     let way = &positions_m[first..=last];
     let length_m: f64 = way.windows(2).map(|pair| pair[0].distance(pair[1])).sum();
-    if !length_m.is_finite() || length_m < rule.min_length_m || length_m <= 0.0 {
+    // To and fro in one place is no way, however long.
+    let extent_m = way.iter().map(|place| place.distance(way[0])).fold(0.0, f64::max);
+    if !length_m.is_finite() || extent_m < rule.min_length_m || length_m <= 0.0 {
         return None;
     }
     let is_curved = way[0].distance(way[way.len() - 1]) < rule.straight_share * length_m;
