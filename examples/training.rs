@@ -18,7 +18,6 @@ mod panel;
 mod view;
 
 use bevy::prelude::*;
-use bevy_surgery::prelude::*;
 use bevy_surgery::scenario::log::{LogRecord, RunLog};
 use bevy_surgery::scenario::report::RunReport;
 use bevy_surgery::scenario::scripted::{ScriptedHand, Skill};

@@ -161,6 +161,7 @@ impl ScenarioRun {
     }
 
     /// The scenario, as it is for this patient.
+    #[allow(clippy::misnamed_getters, reason = "the one that was asked for is nobody else's")]
     pub fn scenario(&self) -> &Scenario {
         &self.played
     }

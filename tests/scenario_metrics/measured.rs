@@ -105,7 +105,6 @@ fn strokes_count_only_under_the_pedal() {
     near(value(&run, MetricKind::StrokeLength), 8e-3, 1e-2);
     near(value(&run, MetricKind::StrokeForce), 1.5, 1e-6);
     assert_eq!(value(&run, MetricKind::CurvedStrokes), Some(0.0));
-    assert!(value(&run, MetricKind::Sparc).is_none(), "it never rests for so long that it is one movement");
 }
 
 #[test]

@@ -7,8 +7,7 @@ use proptest::prelude::*;
 use std::f64::consts::{PI, TAU};
 
 fn circle(count: usize, radius_m: f64) -> Vec<DVec3> {
-    let at =
-        |index: usize| DVec3::from((DQuat::from_rotation_z(TAU * index as f64 / count as f64)) * DVec3::X * radius_m);
+    let at = |index: usize| DQuat::from_rotation_z(TAU * index as f64 / count as f64) * DVec3::X * radius_m;
     (0..=count).map(at).collect()
 }
 

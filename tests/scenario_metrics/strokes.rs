@@ -57,7 +57,7 @@ fn a_swing_turns_where_it_is_slowest() {
 fn arcs_are_curved_and_a_circle_is_one_stroke() {
     let turn = |count: i32, turns: f64| -> Vec<DVec3> {
         let at = |index: i32| (2.0 * PI * turns * f64::from(index) / f64::from(count)).sin_cos();
-        (0..=count).map(|index| at(index)).map(|(sin, cos)| DVec3::new(cos, sin, 0.0) * 5e-3).collect()
+        (0..=count).map(at).map(|(sin, cos)| DVec3::new(cos, sin, 0.0) * 5e-3).collect()
     };
     let mut scythe = turn(40, 0.5);
     scythe.extend(turn(40, 0.5).into_iter().rev().skip(1));

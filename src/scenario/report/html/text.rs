@@ -35,7 +35,7 @@ pub(super) fn number(value: f64) -> String {
     let text = match size {
         _ if !value.is_finite() => return "–".to_string(),
         _ if size == 0.0 => return "0".to_string(),
-        _ if size >= 1e7 || size < 1e-4 => format!("{value:.2e}"),
+        _ if !(1e-4..1e7).contains(&size) => format!("{value:.2e}"),
         _ if size >= 99.95 => format!("{value:.0}"),
         _ if size >= 9.995 => format!("{value:.1}"),
         _ if size >= 0.9995 => format!("{value:.2}"),
