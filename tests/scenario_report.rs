@@ -12,9 +12,10 @@ mod table;
 use crate::scenario_runs::*;
 use bevy::math::Vec3;
 use bevy_surgery::scenario::log::*;
+use bevy_surgery::scenario::metrics::{MetricChoice, MetricKind};
 
 /// A text that is markup, a formula, and a few things more.
-const HOSTILE: &str = "=HYPERLINK(\"x\")</title><script>alert('x&y')</script>\u{202e}\u{0}\n\"><img src=x onerror=y>";
+const HOSTILE: &str = "=A1\"</title><script>alert('x&y')</script>\u{202e}\u{0}\n\"><img src=x onerror=y>";
 
 /// A run in which every text that a log has is hostile.
 fn hostile_run() -> RunLog {
@@ -40,24 +41,29 @@ fn hostile_run() -> RunLog {
             _ => {}
         }
     }
-    let metrics = [
-        bevy_surgery::scenario::metrics::MetricKind::PathLength,
-        bevy_surgery::scenario::metrics::MetricKind::MaxForce,
-    ];
-    let choice = |kind| bevy_surgery::scenario::metrics::MetricChoice {
+    let named = |kind| MetricChoice {
         name: Some(HOSTILE.into()),
         weight: 1.0,
         best: 0.0,
         worst: 9.0,
-        ..bevy_surgery::scenario::metrics::MetricChoice::new(kind)
+        ..MetricChoice::new(kind)
     };
-    run.header.scenario.metrics = metrics.map(choice).into();
+    run.header.scenario.metrics = vec![named(MetricKind::PathLength), named(MetricKind::MaxForce)];
     run
 }
 
 /// A run whose numbers are none.
 fn broken_run() -> RunLog {
-    let mut run = mastoid_run(0.2, 2, Vec::new());
+    let none = MetricChoice {
+        weight: f32::NAN,
+        best: f32::NAN,
+        worst: f32::INFINITY,
+        ..MetricChoice::new(MetricKind::Removed)
+    };
+    let nowhere = MetricChoice::new(MetricKind::TimeNear { within_m: f32::NAN });
+    let mut metrics: Vec<_> = MetricKind::ALL.into_iter().map(MetricChoice::new).collect();
+    metrics.extend([none, nowhere]);
+    let mut run = mastoid_run(0.2, 2, metrics);
     run.header.steps_per_second = f64::NAN;
     run.header.bodies[0].box_world_m = [Vec3::NAN, Vec3::INFINITY];
     run.header.bodies[0].volumes_mm3 = vec![f64::NAN; 9];

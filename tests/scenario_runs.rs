@@ -167,7 +167,7 @@ pub fn mastoid_run(skill: f32, seed: u64, metrics: Vec<MetricChoice>) -> RunLog 
             Vec3::ZERO
         };
         let tip_m = field + Vec3::new(turn.cos(), 0.1, turn.sin()) * stroke + tremor + away;
-        let distance_m = tip_m.distance(Vec3::new(0.004, -0.012, -0.002)) - 0.006;
+        let distance_m = tip_m.distance(Vec3::new(0.003, -0.0065, 0.001)) - 0.002;
         let force_n = if is_pause {
             0.0
         } else {
@@ -198,7 +198,7 @@ pub fn mastoid_run(skill: f32, seed: u64, metrics: Vec<MetricChoice>) -> RunLog 
                 1
             };
             push(&mut run, step, removal(0, label, mm3, tip_m - Vec3::Y * 0.0015, Some(seen)));
-            progress = (progress + mm3 as f32 / 4200.0).min(1.0);
+            progress = (progress + mm3 as f32 / 2600.0).min(1.0);
             if seen < 0.5 && mm3 > 2.2 {
                 violate(&mut run, step, "blind", Severity::Warning, mm3 as f32, 1.0, tip_m);
             }
@@ -210,7 +210,7 @@ pub fn mastoid_run(skill: f32, seed: u64, metrics: Vec<MetricChoice>) -> RunLog 
             push(&mut run, step, contact(0, 3, true));
             touched_until = Some(step + (30.0 + 90.0 * rough) as u64);
             rate_ml_s = f64::from(0.4 + rough);
-            if rough > 0.3 {
+            if rough > 0.1 {
                 violate(&mut run, step, "touch", Severity::Error, 0.0, 5.0, tip_m);
             }
         }

@@ -105,6 +105,8 @@ fn strokes_count_only_under_the_pedal() {
     near(value(&run, MetricKind::StrokeLength), 8e-3, 1e-2);
     near(value(&run, MetricKind::StrokeForce), 1.5, 1e-6);
     assert_eq!(value(&run, MetricKind::CurvedStrokes), Some(0.0));
+    // Each stroke is a movement from rest to rest, and a smooth one.
+    assert!((-1.6..-1.3).contains(&value(&run, MetricKind::Sparc).expect("movements")));
 }
 
 #[test]
@@ -118,10 +120,9 @@ fn smoothness_is_the_median_of_movements() {
         let (from, to) = if turn % 2 == 0 { (0.0, 0.05) } else { (0.05, 0.0) };
         push(&mut run, step, LogRecord::Sample(sample(0, Vec3::Y * (from + (to - from) * rise(t)))));
     }
-    // The ends, slower than rest, are cut off: a little of what a whole movement has.
-    near(value(&run, MetricKind::Sparc), -1.4, 0.04);
-    // Of 52 samples faster than 5 mm/s, summed up by hand; a whole movement has -5.32.
-    near(value(&run, MetricKind::LogJerk), -4.197, 0.02);
+    // What the published implementation says of one such movement at this rate.
+    near(value(&run, MetricKind::Sparc), -1.400407743, 0.01);
+    near(value(&run, MetricKind::LogJerk), -5.287586538, 0.02);
     near(value(&run, MetricKind::Economy), 1.0, 1e-4);
     near(value(&run, MetricKind::Depth), 0.25, 1e-3);
 }

@@ -83,7 +83,7 @@ fn what_says_nothing_has_no_value() {
 
 proptest! {
     #[test]
-    fn sparc_knows_neither_height_nor_time(height in 1e-6..1e6_f64, late in 0_usize..56) {
+    fn sparc_knows_neither_height_nor_time(height in 1e-6..1e6_f64, late in 0_usize..=56) {
         let speeds = gauss();
         let mut shifted = vec![0.0; late];
         shifted.extend(speeds.iter().map(|speed| speed * height));

@@ -143,6 +143,11 @@ fn a_failed_run_and_one_without_an_end() {
     assert_eq!((&failed[0]["result"]["success"], &failed[0]["result"]["completion"]), (&json!(false), &json!(false)));
     let response = failed[0]["result"]["response"].as_str().expect("a response");
     assert!(response.contains("[,]nerve[.]0[,]"), "{response}");
+    let mut nearly = RunReport::of(&mastoid_run(0.1, 5, Vec::new()));
+    (nearly.goals[0].progress, nearly.goals[0].is_reached) = (0.9999, false);
+    let nearly = nearly.xapi_statements(&actor(), &context()).expect("statements").remove(0).result;
+    let response = nearly.and_then(|result| result.response).expect("a response");
+    assert!(response.starts_with("cells[.]0.999[,]"), "nearly reached is not reached: {response}");
     let nerve =
         failed.iter().find(|statement| statement["object"]["id"].as_str().is_some_and(|id| id.ends_with("/nerve")));
     assert_eq!(nerve.expect("a goal")["verb"]["id"], "http://adlnet.gov/expapi/verbs/attempted");
@@ -155,12 +160,15 @@ fn a_failed_run_and_one_without_an_end() {
 
 #[test]
 fn ids_are_the_same_for_the_same_and_differ_else() {
-    let run = mastoid_run(0.9, 5, Vec::new());
-    let ids =
-        |run: &RunLog| statements(run).iter().map(|s| s["id"].as_str().expect("an id").to_string()).collect::<Vec<_>>();
-    let mut all = ids(&run);
-    assert_eq!(all, ids(&run));
-    all.extend(ids(&mastoid_run(0.2, 6, Vec::new())));
+    let report = RunReport::of(&mastoid_run(0.9, 5, Vec::new()));
+    let ids = |registration: &str| {
+        let context = XapiContext { registration: registration.into(), ..context() };
+        let statements = report.xapi_statements(&actor(), &context).expect("statements");
+        statements.into_iter().map(|statement| statement.id).collect::<Vec<_>>()
+    };
+    let mut all = ids(REGISTRATION);
+    assert_eq!((all.len(), &all), (1 + report.goals.len(), &ids(&REGISTRATION.to_uppercase())));
+    all.extend(ids("00000000-9dad-41d1-80b4-00c04fd430c8"));
     let count = all.len();
     all.sort();
     all.dedup();

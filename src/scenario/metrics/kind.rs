@@ -116,6 +116,19 @@ impl MetricKind {
         Self::SuctionDistance,
     ];
 
+    /// The same with a distance that is a number; one that is none is 0, and nothing is that near.
+    pub(super) fn checked(mut self) -> Self {
+        if let Self::MeanForceNear { within_m }
+        | Self::MaxForceNear { within_m }
+        | Self::MeanSpeedNear { within_m }
+        | Self::TimeNear { within_m } = &mut self
+            && !within_m.is_finite()
+        {
+            *within_m = 0.0;
+        }
+        self
+    }
+
     /// Its usual name in reports.
     pub fn name(&self) -> String {
         let near =
@@ -229,7 +242,7 @@ impl MetricKind {
             Self::Sparc => "median of SPARC over movements of 0.25 to 5 s; nearer to 0 is smoother",
             Self::LogJerk => "median of −ln|DLJ| over movements of 0.25 to 5 s; larger is smoother",
             Self::StrokeRate => {
-                "strokes / time with the drill's pedal down; cut where the k-cosine over 50 ms exceeds 0"
+                "strokes / time with the drill's pedal down; cut where the k-cosine over 100 ms exceeds 0"
             }
             Self::StrokeTime => "mean time of strokes",
             Self::StrokeLength => "mean path of strokes",

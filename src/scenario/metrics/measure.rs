@@ -36,7 +36,7 @@ pub fn weighted_score(metrics: &[Metric]) -> Option<f64> {
 }
 
 fn metric(evidence: &Evidence, choice: &MetricChoice) -> Metric {
-    let kind = choice.metric;
+    let kind = choice.metric.checked();
     let Found { value, by } = find(evidence, kind);
     let value = value.filter(|value| value.is_finite());
     Metric {
@@ -45,7 +45,7 @@ fn metric(evidence: &Evidence, choice: &MetricChoice) -> Metric {
         unit: kind.unit().to_string(),
         value,
         by: by.into_iter().filter(|part| part.value.is_finite()).collect(),
-        weight: f64::from(choice.weight),
+        weight: if choice.weight.is_finite() { f64::from(choice.weight.max(0.0)) } else { 0.0 },
         score: value.and_then(|value| choice.score(value)),
         formula: kind.formula().to_string(),
     }

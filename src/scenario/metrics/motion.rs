@@ -89,16 +89,28 @@ impl Default for MovementRule {
     }
 }
 
-/// The movements in a row of speeds: from rest to rest.
+/// The movements in a row of speeds: runs above the rule's speed that last neither too short nor too long, and on both sides as far
+/// as the speed still falls, so that the slow ends, in which much of the jerk is, belong to them.
 pub fn movements(speeds_m_per_s: &[f64], rate_hz: f64, rule: &MovementRule) -> Vec<Range<usize>> {
     if !is_rate(rate_hz) {
         return Vec::new();
     }
+    let speeds = speeds_m_per_s;
     let is_one = |range: &Range<usize>| {
         let time_s = range.len() as f64 / rate_hz;
         time_s >= rule.min_s && time_s <= rule.max_s
     };
-    runs(speeds_m_per_s.len(), |index| speeds_m_per_s[index] >= rule.above_m_per_s).into_iter().filter(is_one).collect()
+    let whole = |range: Range<usize>| {
+        let Range { mut start, mut end } = range;
+        while start > 0 && speeds[start - 1] < speeds[start] {
+            start -= 1;
+        }
+        while end < speeds.len() && speeds[end] < speeds[end - 1] {
+            end += 1;
+        }
+        start..end
+    };
+    runs(speeds.len(), |index| speeds[index] >= rule.above_m_per_s).into_iter().filter(is_one).map(whole).collect()
 }
 
 /// The longest ranges below `count` in which something holds.

@@ -8,35 +8,36 @@
 use super::motion::{IDLE_M_PER_S, is_rate, runs};
 use bevy::math::DVec3;
 
-/// Ways shorter than this share of the shortest stroke have no direction.
-const LEAST_WAY_SHARE: f64 = 0.05;
-
 /// What counts as a stroke.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct StrokeRule {
     /// How far the k-cosine looks on and back, seconds.
     pub reach_s: f64,
-    /// A stroke ends where the k-cosine is largest and above this.
+    /// A stroke ends where the way turns most and the k-cosine is above this.
     pub turn_cosine: f64,
     /// It ends too where the tip rests for so long, seconds.
     pub rest_s: f64,
     /// Slower than this is rest, metres per second.
     pub rest_m_per_s: f64,
-    /// Shorter ones are tremor, metres.
-    pub min_length_m: f64,
+    /// Where the way on or back is shorter than this, it has no direction, metres.
+    pub min_way_m: f64,
+    /// A stroke that goes no farther than this from its beginning is tremor, metres.
+    pub min_reach_m: f64,
     /// It is curved where its ends are nearer than this share of its length: 0.9 is the arc of a quarter of a circle.
     pub straight_share: f64,
 }
 
 impl Default for StrokeRule {
-    /// Turns of more than a right angle, seen over 50 ms to each side: strokes on cadavers last 0.37 s in the mean.
+    /// Turns of more than a right angle, seen over 100 ms to each side: strokes on cadavers last 0.37 s in the mean, and a hand is
+    /// slow where it turns.
     fn default() -> Self {
         Self {
-            reach_s: 0.05,
+            reach_s: 0.1,
             turn_cosine: 0.0,
             rest_s: 0.2,
             rest_m_per_s: IDLE_M_PER_S,
-            min_length_m: 1e-3,
+            min_way_m: 1e-4,
+            min_reach_m: 1e-3,
             straight_share: 0.9,
         }
     }
@@ -69,20 +70,21 @@ pub fn k_cosines(positions_m: &[DVec3], k: usize, min_way_m: f64) -> Vec<Option<
     (0..positions_m.len()).map(at).collect()
 }
 
-/// The strokes in a row of places, in order. None where places are no numbers.
+/// The strokes in a row of places, in order. There are none where places are no numbers.
 pub fn strokes(positions_m: &[DVec3], rate_hz: f64, rule: &StrokeRule) -> Vec<Stroke> {
     if !is_rate(rate_hz) || positions_m.len() < 2 || !positions_m.iter().all(|place| place.is_finite()) {
         return Vec::new();
     }
     let k = ((rule.reach_s * rate_hz).round() as usize).clamp(1, positions_m.len());
-    let cosines = k_cosines(positions_m, k, LEAST_WAY_SHARE * rule.min_length_m);
-    let turns = turns(&cosines, rule.turn_cosine);
+    let turns = turns(positions_m, k, rule);
     let mut found = Vec::new();
     for (first, last) in moving(positions_m, rate_hz, rule) {
         let mut from = first;
-        for &turn in turns.iter().filter(|turn| (first + 1..last).contains(turn)) {
-            found.extend(stroke(positions_m, from, turn, rate_hz, rule));
-            from = turn;
+        for index in first + 1..last {
+            if is_turn(&turns, index, k) {
+                found.extend(stroke(positions_m, from, index, rate_hz, rule));
+                from = index;
+            }
         }
         found.extend(stroke(positions_m, from, last, rate_hz, rule));
     }
@@ -105,24 +107,30 @@ fn moving(positions_m: &[DVec3], rate_hz: f64, rule: &StrokeRule) -> Vec<(usize,
     found
 }
 
-/// Where the way turns: of each row of places at which it does, the one at which it turns most, in the middle of those that are equal.
-fn turns(cosines: &[Option<f64>], above: f64) -> Vec<usize> {
-    let cosine = |index: usize| cosines[index].unwrap_or(-1.0);
-    let rows = runs(cosines.len(), |index| cosine(index) > above);
-    let sharpest = |row: std::ops::Range<usize>| {
-        let most = row.clone().map(cosine).fold(-1.0, f64::max) - 1e-9;
-        let (first, last) = (row.clone().find(|at| cosine(*at) >= most)?, row.rev().find(|at| cosine(*at) >= most)?);
-        Some((first + last) / 2)
+/// How much the way turns at each place, metres; none where it turns less than the rule says. On a straight way back the k-cosine is
+/// the same all around the turn, so it is weighed with the shorter of both ways, which is longest at the turn itself.
+fn turns(positions_m: &[DVec3], k: usize, rule: &StrokeRule) -> Vec<Option<f64>> {
+    let turn = |(index, cosine): (usize, Option<f64>)| {
+        let cosine = cosine.filter(|cosine| *cosine > rule.turn_cosine)?;
+        let way_m = |other: usize| positions_m[other].distance(positions_m[index]);
+        Some((1.0 + cosine) * way_m(index + k).min(way_m(index - k)))
     };
-    rows.into_iter().filter_map(sharpest).collect()
+    k_cosines(positions_m, k, rule.min_way_m).into_iter().enumerate().map(turn).collect()
+}
+
+/// Whether the way turns most here: of equal places within reach the first one.
+fn is_turn(turns: &[Option<f64>], index: usize, k: usize) -> bool {
+    let Some(here) = turns[index] else { return false };
+    let around = |range: std::ops::Range<usize>| turns[range].iter().flatten().copied().fold(0.0, f64::max);
+    let (before, after) = (around(index.saturating_sub(k)..index), around(index + 1..(index + k + 1).min(turns.len())));
+    here > before && here >= after
 }
 
 fn stroke(positions_m: &[DVec3], first: usize, last: usize, rate_hz: f64, rule: &StrokeRule) -> Option<Stroke> {
     let way = &positions_m[first..=last];
     let length_m: f64 = way.windows(2).map(|pair| pair[0].distance(pair[1])).sum();
-    // To and fro in one place is no way, however long.
-    let extent_m = way.iter().map(|place| place.distance(way[0])).fold(0.0, f64::max);
-    if !length_m.is_finite() || extent_m < rule.min_length_m || length_m <= 0.0 {
+    let reach_m = way.iter().map(|place| place.distance(way[0])).fold(0.0, f64::max);
+    if !length_m.is_finite() || length_m <= 0.0 || reach_m < rule.min_reach_m {
         return None;
     }
     let is_curved = way[0].distance(way[way.len() - 1]) < rule.straight_share * length_m;

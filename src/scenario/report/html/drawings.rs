@@ -1,15 +1,17 @@
 //! What is drawn over time: the timeline and the forces.
 
 use super::section;
-use super::svg::{BLOOD, COLOURS, GOOD, Scale, Svg, WIDTH, WRONG, number_short, time_axis};
-use super::text::{label, moment, number};
+use super::svg::{BLOOD, COLOURS, GOOD, Scale, Svg, WIDTH, WRONG, time_axis};
+use super::text::{label, moment, number, short};
 use crate::scenario::Severity;
-use crate::scenario::report::{ContactSpan, RunReport, ToolSeries};
+use crate::scenario::report::{ContactSpan, GoalReport, RunReport, ToolSeries};
 use std::collections::BTreeMap;
 
 /// Where the names of lanes end.
-const LEFT: f64 = 168.0;
+const LEFT: f64 = 192.0;
 const RIGHT: f64 = WIDTH - 8.0;
+/// Where the lanes of goals and violations end.
+const LANES_TOP: f64 = 64.0;
 /// Lanes of contacts.
 const MOST_LANES: usize = 10;
 /// Marks of violations in a drawing.
@@ -37,30 +39,24 @@ pub(super) fn timeline(report: &RunReport) -> String {
         return String::new();
     }
     let blood_height = if has_blood { 46.0 } else { 0.0 };
-    let bottom = 58.0 + blood_height + 17.0 * lanes.len() as f64;
+    let bottom = LANES_TOP + blood_height + 17.0 * lanes.len() as f64;
     let mut svg = Svg::new(WIDTH, bottom + 30.0);
     let scale = time_scale(report, LEFT);
     time_axis(&mut svg, &scale, 4.0, bottom);
-    lane_name(&mut svg, 20.0, "Goals reached", "strong");
-    for (index, goal) in report.goals.iter().enumerate() {
-        let Some(reached_s) = goal.reached_s else { continue };
-        let x = scale.at(reached_s);
-        svg.diamond(&format!("fill=\"{GOOD}\""), [x, 16.0], 9.0);
-        svg.text("num", "middle", [x, 19.0], &(index + 1).to_string());
-    }
-    lane_name(&mut svg, 46.0, "Violations", "strong");
+    goals(&mut svg, report, &scale);
+    lane_name(&mut svg, 52.0, "Violations", "strong");
     for violation in report.violations.iter().take(MOST_MARKS) {
-        mark(&mut svg, violation.severity, [scale.at(violation.time_s), 47.0]);
+        mark(&mut svg, violation.severity, [scale.at(violation.time_s), 53.0]);
     }
-    let mut y = 58.0;
+    let mut y = LANES_TOP;
     if has_blood {
         bleeding(&mut svg, report, &scale, y);
         y += blood_height;
     }
     for lane in &lanes {
         svg.line("grid", [8.0, y], [RIGHT, y]);
-        let name = format!("{}{} – {}", if lane.is_critical { "▲ " } else { "" }, lane.tool, lane.structure);
-        lane_name(&mut svg, y + 12.0, &label(&name, 30), if lane.is_critical { "strong" } else { "" });
+        let name = format!("{}{} – {}", if lane.is_critical { "▲ " } else { "" }, lane.structure, lane.tool);
+        lane_name(&mut svg, y + 12.0, &label(&name, 34), if lane.is_critical { "strong" } else { "" });
         let colour = if lane.is_critical { WRONG } else { "#7f8b95" };
         for [from_s, to_s] in &lane.spans {
             let (from, to) = (scale.at(*from_s), scale.at(*to_s));
@@ -72,6 +68,21 @@ pub(super) fn timeline(report: &RunReport) -> String {
     let note = "Diamonds: goals by their number. Triangles: warnings (hollow) and errors (filled); squares: failures. \
                 Bars: contacts; ▲ marks critical structures.";
     section("", "Timeline", note, &svg.finish("Timeline of goals, violations, bleeding and contacts"))
+}
+
+/// Goals by their number; those that would hide one another stand in two rows.
+fn goals(svg: &mut Svg, report: &RunReport, scale: &Scale) {
+    lane_name(svg, 22.0, "Goals reached", "strong");
+    let reached = |(index, goal): (usize, &GoalReport)| Some((scale.at(goal.reached_s?), index + 1));
+    let mut marks: Vec<(f64, usize)> = report.goals.iter().enumerate().filter_map(reached).collect();
+    marks.sort_by(|a, b| a.0.total_cmp(&b.0));
+    let (mut before, mut y) = (f64::NEG_INFINITY, 12.0);
+    for (x, number) in marks {
+        y = if x - before < 17.0 && y == 12.0 { 28.0 } else { 12.0 };
+        before = x;
+        svg.diamond(&format!("fill=\"{GOOD}\""), [x, y], 9.0);
+        svg.text("num", "middle", [x, y + 3.0], &number.to_string());
+    }
 }
 
 fn lane_name(svg: &mut Svg, y: f64, name: &str, class: &str) {
@@ -133,19 +144,18 @@ pub(super) fn force(report: &RunReport) -> String {
         return String::new();
     }
     let most_n = tools.iter().flat_map(|tool| &tool.force).map(|point| point.max_n).fold(0.0, f64::max);
-    let (height, left) = (104.0, 40.0);
+    let (height, left) = (112.0, 40.0);
     let bottom = height * tools.len() as f64;
     let mut svg = Svg::new(WIDTH, bottom + 30.0);
     let time = time_scale(report, left);
     time_axis(&mut svg, &time, 4.0, bottom);
     for (index, tool) in tools.iter().enumerate() {
-        let (top, low) = (height * index as f64 + 22.0, height * (index + 1) as f64);
+        let (top, low) = (height * index as f64 + 28.0, height * (index + 1) as f64);
         let scale = Scale::new([0.0, most_n], [low, top]);
         for tick in scale.ticks(3.0) {
             svg.line("grid", [left, scale.at(tick)], [RIGHT, scale.at(tick)]);
-            svg.text("tick", "end", [left - 5.0, scale.at(tick) + 3.5], &number_short(tick));
+            svg.text("tick", "end", [left - 5.0, scale.at(tick) + 3.5], &short(tick));
         }
-        svg.text("tick", "end", [left - 5.0, top - 9.0], "N");
         for piece in pieces(tool) {
             let mut outline = vec![[time.at(piece[0].time_s), low]];
             outline.extend(piece.iter().map(|point| [time.at(point.time_s), scale.at(point.max_n)]));
@@ -162,7 +172,7 @@ pub(super) fn force(report: &RunReport) -> String {
         }
         svg.line("axis", [left, low], [RIGHT, low]);
         svg.raw("<g paint-order=\"stroke\" stroke=\"#fff\" stroke-width=\"3\">");
-        svg.text("strong", "start", [left + 4.0, top - 9.0], &label(&tool.tool, 40));
+        svg.text("strong", "start", [left + 4.0, top - 11.0], &format!("{}, N", label(&tool.tool, 40)));
         svg.raw("</g>");
     }
     let first = report.violations.iter().find(|violation| violation.unit == "N");

@@ -2,7 +2,7 @@
 
 use super::section;
 use super::svg::{COLOURS, DASHES, GOOD, Svg, UNSEEN, WIDTH, WRONG};
-use super::text::{label, number};
+use super::text::{label, number, short};
 use crate::scenario::report::{RemovalDot, ReportBody, RunReport, TrackPoint};
 use bevy::math::{DVec3, Vec3};
 
@@ -56,7 +56,7 @@ impl Views {
     }
 
     fn left(side: Side) -> f64 {
-        if side == Side::Front { 0.0 } else { WIDTH - VIEW }
+        if side == Side::Front { 1.0 } else { WIDTH - VIEW - 1.0 }
     }
 
     fn at(&self, side: Side, at_m: Vec3) -> [f64; 2] {
@@ -94,7 +94,7 @@ impl Views {
         svg.line("axis", [left, y], [to, y]);
         svg.line("axis", [left + 0.5, y - 3.0], [left + 0.5, y + 3.0]);
         svg.line("axis", [to, y - 3.0], [to, y + 3.0]);
-        svg.text("tick", "start", [to + 6.0, y + 3.5], &format!("{} mm", number(length_mm).trim_end_matches(".00")));
+        svg.text("tick", "start", [to + 6.0, y + 3.5], &format!("{} mm", short(length_mm)));
     }
 
     fn body(&self, svg: &mut Svg, side: Side, body: &ReportBody) {
@@ -102,7 +102,9 @@ impl Views {
         let (low, high) = ([a[0].min(b[0]), a[1].min(b[1])], [a[0].max(b[0]), a[1].max(b[1])]);
         let line = "fill=\"none\" stroke=\"#8a949d\" stroke-width=\".8\" stroke-dasharray=\"4 3\"";
         svg.rect(line, low, [high[0] - low[0], high[1] - low[1]]);
-        svg.text("tick small", "start", [low[0] + 4.0, low[1] + 11.0], &label(&body.name, 30));
+        // Its name stays in the frame when its corner does not.
+        let corner = [low[0].max(Self::left(side)) + 4.0, low[1].max(16.0) + 11.0];
+        svg.text("tick small", "start", corner, &label(&body.name, 30));
     }
 }
 

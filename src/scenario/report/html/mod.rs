@@ -27,6 +27,7 @@ impl RunReport {
             tables::structures(self),
             compare::compare(self, earlier),
             tables::metrics(self),
+            tables::violations_in_time(self),
         ];
         let title = escape(&self.scenario);
         format!(

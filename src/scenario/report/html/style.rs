@@ -37,7 +37,9 @@ thead{display:table-header-group}
 th:last-child,td:last-child{padding-right:0}
 .n{text-align:right;white-space:nowrap}
 .w{white-space:nowrap}
-td small{display:block;color:var(--soft);font-size:10.5px;line-height:1.35}
+.fit{width:1%}
+table + .note{margin-top:8px}
+td small{display:block;margin-top:1px;color:var(--soft);font-size:10.5px;line-height:1.35}
 .bar{display:block;width:92px;height:8px;margin-top:5px}
 .sev{font-weight:600;white-space:nowrap}
 .sev.e,.sev.f{color:var(--wrong)}

@@ -1,6 +1,6 @@
 //! Drawings: coordinates that are always numbers, axes, colours.
 
-use super::text::number;
+use super::text::short;
 use std::fmt::Write;
 
 /// Colours that people with any colour vision tell apart (Okabe and Ito 2008): blue, vermilion, green, purple, orange, sky.
@@ -140,18 +140,8 @@ pub(super) fn time_axis(svg: &mut Svg, scale: &Scale, top: f64, bottom: f64) {
     for tick in shown.ticks(9.0) {
         let x = shown.at(tick);
         svg.line("grid", [x, top], [x, bottom]);
-        svg.text("tick", "middle", [x, bottom + 13.0], &number_short(tick));
+        svg.text("tick", "middle", [x, bottom + 13.0], &short(tick));
     }
     let unit = if is_long { "min" } else { "s" };
     svg.text("tick", "end", [scale.places[1], bottom + 26.0], unit);
-}
-
-/// A tick's number.
-pub(super) fn number_short(value: f64) -> String {
-    let text = number(value);
-    if text.contains('.') && !text.contains('e') {
-        text.trim_end_matches('0').trim_end_matches('.').to_string()
-    } else {
-        text
-    }
 }

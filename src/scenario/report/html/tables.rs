@@ -2,10 +2,10 @@
 
 use super::section;
 use super::svg::{GOOD, Scale, Svg, WRONG};
-use super::text::{clock, escape, metric, moment, number, percent, quantity};
+use super::text::{clock, escape, metric, moment, number, percent, quantity, short};
 use crate::scenario::Severity;
 use crate::scenario::log::EndReason;
-use crate::scenario::metrics::MetricKind;
+use crate::scenario::metrics::{MetricKind, MetricPart};
 use crate::scenario::report::{RunReport, ViolationReport};
 use std::collections::BTreeMap;
 
@@ -79,7 +79,7 @@ fn score_scale(report: &RunReport) -> String {
     } else {
         "middle"
     };
-    svg.text("tick", anchor, [x, 28.0], &format!("passed from {}", number(pass)));
+    svg.text("tick", anchor, [x, 28.0], &format!("passed from {}", short(pass)));
     let told = score.map_or("no score".to_string(), |score| format!("score {score:.0} of 100"));
     svg.finish(&told)
 }
@@ -93,7 +93,7 @@ fn figures(report: &RunReport) -> String {
     let mut figures = vec![
         (report.outcome.time_s.map_or("–".into(), clock), limit.unwrap_or_else(|| "time".into())),
         (format!("{reached} of {}", report.goals.len()), "goals reached".into()),
-        (report.violations.len().to_string(), format!("violations, {} points", number(f64::from(points)))),
+        (report.violations.len().to_string(), format!("violations, {} points", short(f64::from(points)))),
     ];
     let seen = found(MetricKind::SeenRemoval).map(|share| (percent(share), "removed in sight".to_string()));
     let blood = found(MetricKind::BloodLoss).map(|lost_ml| (quantity(lost_ml, "ml"), "blood loss".to_string()));
@@ -123,11 +123,11 @@ pub(super) fn goals(report: &RunReport) -> String {
         };
         let progress = percent(f64::from(goal.progress));
         rows += &format!(
-            "<tr><td class=\"n\">{}</td><td>{}</td><td class=\"n\">{}</td><td>{}</td><td class=\"n\">{progress}</td>\
+            "<tr><td class=\"n fit\">{}</td><td>{}</td><td class=\"n\">{}</td><td class=\"fit\">{}</td><td class=\"n fit\">{progress}</td>\
              <td class=\"w\">{state}</td></tr>",
             index + 1,
             escape(&goal.title),
-            number(f64::from(goal.weight)),
+            short(f64::from(goal.weight)),
             bar(f64::from(goal.progress), &progress),
         );
     }
@@ -174,11 +174,15 @@ pub(super) fn violations(report: &RunReport) -> String {
             worst
                 .filter(|_| !first.unit.is_empty())
                 .map_or("–".into(), |worst| quantity(f64::from(worst), &first.unit)),
-            number(points(violations)),
+            short(points(violations)),
         );
     }
     let head = "<th>Severity</th><th>Rule</th><th class=\"n\">Times</th><th class=\"n\">Largest value</th><th class=\"n\">Points lost</th>";
-    let summary = table(head, &rows);
+    section("", "Violations by rule", "", &table(head, &rows))
+}
+
+/// Violations one by one.
+pub(super) fn violations_in_time(report: &RunReport) -> String {
     let mut rows = String::new();
     for violation in report.violations.iter().take(MOST_ROWS) {
         let value = violation.value.filter(|_| !violation.unit.is_empty());
@@ -189,7 +193,7 @@ pub(super) fn violations(report: &RunReport) -> String {
             escape(&violation.message),
             violation.tool.as_deref().map_or("–".into(), escape),
             value.map_or("–".into(), |value| quantity(f64::from(value), &violation.unit)),
-            number(f64::from(violation.penalty)),
+            short(f64::from(violation.penalty)),
         );
     }
     let head = "<th class=\"n\">Time</th><th>Severity</th><th>What</th><th>Instrument</th><th class=\"n\">Value</th><th class=\"n\">Points</th>";
@@ -199,8 +203,7 @@ pub(super) fn violations(report: &RunReport) -> String {
     } else {
         String::new()
     };
-    section("", "Violations by rule", "", &summary)
-        + &section("long", "Violations in time", "Times as minutes:seconds.", &(table(head, &rows) + &more))
+    section("long", "Violations in time", "Times as minutes:seconds.", &(table(head, &rows) + &more))
 }
 
 pub(super) fn structures(report: &RunReport) -> String {
@@ -226,34 +229,40 @@ pub(super) fn structures(report: &RunReport) -> String {
 }
 
 pub(super) fn metrics(report: &RunReport) -> String {
+    // Columns about scores only where there are any.
+    let is_scored = report.metrics.iter().any(|metric| metric.score.is_some());
     let mut rows = String::new();
-    let measured = report.metrics.iter().filter_map(|metric| Some((metric, metric.value?)));
-    for (found, value) in measured.clone() {
-        let part = |part: &crate::scenario::metrics::MetricPart| {
-            format!("{} {}", escape(&part.name), metric(found.kind, part.value, &found.unit))
+    for (found, value) in report.metrics.iter().filter_map(|metric| Some((metric, metric.value?))) {
+        let part = |part: &MetricPart| {
+            format!("<small>{}: {}</small>", escape(&part.name), metric(found.kind, part.value, &found.unit))
         };
         // One part says the same as the whole.
-        let parts: Vec<String> = if found.by.len() > 1 { found.by.iter().map(part).collect() } else { Vec::new() };
-        let parts = if parts.is_empty() { String::new() } else { format!("<small>{}</small>", parts.join(" · ")) };
-        let score = found.score.map_or(String::new(), |score| bar(score, &percent(score)));
-        let weight = if found.weight > 0.0 { number(found.weight) } else { String::new() };
+        let parts: String = if found.by.len() > 1 { found.by.iter().map(part).collect() } else { String::new() };
         rows += &format!(
-            "<tr><td>{}<small>{}</small></td><td class=\"n\">{}</td><td>{parts}</td><td>{score}</td><td class=\"n\">{weight}</td></tr>",
+            "<tr><td>{}<small>{}</small></td><td class=\"n\">{}</td><td>{parts}</td>",
             escape(&found.name),
             escape(&found.formula),
             metric(found.kind, value, &found.unit),
         );
+        if is_scored {
+            let score = found.score.map(|score| (bar(score, &percent(score)), percent(score))).unwrap_or_default();
+            let weight = if found.weight > 0.0 { short(found.weight) } else { String::new() };
+            rows += &format!(
+                "<td class=\"fit\">{}</td><td class=\"n fit\">{}</td><td class=\"n\">{weight}</td>",
+                score.0, score.1
+            );
+        }
+        rows += "</tr>";
     }
-    let silent: Vec<String> =
-        report.metrics.iter().filter(|metric| metric.value.is_none()).map(|metric| escape(&metric.name)).collect();
-    let silent = if silent.is_empty() {
-        String::new()
-    } else {
-        format!("<p class=\"note\">Nothing was measured for: {}.</p>", silent.join(", "))
+    let silent = report.metrics.iter().filter(|metric| metric.value.is_none());
+    let silent: Vec<String> = silent.map(|metric| escape(&metric.name)).collect();
+    let silent = match silent.len() {
+        0 => String::new(),
+        _ => format!("<p class=\"note\">The run says nothing about: {}.</p>", silent.join(", ")),
     };
-    let note = report
-        .metrics_score
-        .map_or(String::new(), |score| format!("Score of the weighted metrics: {}.", percent(score)));
-    let head = "<th>Metric</th><th class=\"n\">Value</th><th>By instrument or structure</th><th>Score</th><th class=\"n\">Weight</th>";
-    section("long", "Metrics", &note, &(table(head, &rows) + &silent))
+    let told = |score| format!("Score of the weighted metrics: {}.", percent(score));
+    let note = report.metrics_score.map_or(String::new(), told);
+    let scored = if is_scored { "<th>Score</th><th></th><th class=\"n\">Weight</th>" } else { "" };
+    let head = format!("<th>Metric</th><th class=\"n\">Value</th><th>By instrument or structure</th>{scored}");
+    section("long", "Metrics", &note, &(table(&head, &rows) + &silent))
 }

@@ -44,6 +44,16 @@ pub(super) fn number(value: f64) -> String {
     text.replace('-', "−")
 }
 
+/// A number without zeros behind its point: for what people chose, such as limits and ticks.
+pub(super) fn short(value: f64) -> String {
+    let text = number(value);
+    if text.contains('.') && !text.contains('e') {
+        text.trim_end_matches('0').trim_end_matches('.').to_string()
+    } else {
+        text
+    }
+}
+
 /// A value with its unit, in the size that people use.
 pub(super) fn quantity(value: f64, unit: &str) -> String {
     match unit {
