@@ -41,6 +41,8 @@ pub mod haptics;
 pub mod highlights;
 pub mod organ;
 pub mod pacing;
+#[cfg(feature = "panels")]
+pub mod panels;
 pub mod pool;
 pub mod reactions;
 #[cfg(feature = "render")]

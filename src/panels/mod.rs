@@ -1,0 +1,6 @@
+//! Panels for designers.
+
+pub mod fields;
+mod history;
+
+pub use history::*;
