@@ -74,6 +74,10 @@ pub struct Args {
     /// slices.
     #[arg(long, value_name = "PATH")]
     pub volume: Option<PathBuf>,
+    /// A scene to begin with, in the example designer.
+    #[arg(long, value_name = "FILE")]
+    #[allow(dead_code, reason = "only the designer opens scenes")]
+    pub scene: Option<PathBuf>,
     /// Distances between its voxels in millimetres, instead of what the file says.
     #[arg(long, value_name = "XxYxZ", value_parser = parse_spacing)]
     #[allow(dead_code, reason = "not every example shows a volume")]

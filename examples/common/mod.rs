@@ -2,7 +2,7 @@
 
 mod args;
 #[allow(dead_code, reason = "not every example has instruments")]
-mod devices;
+pub mod devices;
 #[allow(dead_code, reason = "not every example writes on the screen")]
 mod interface;
 mod recording;
@@ -18,6 +18,6 @@ pub use devices::hold_device;
 #[allow(unused_imports, reason = "not every example uses every part")]
 pub use interface::add_interface;
 #[allow(unused_imports, reason = "not every example uses every part")]
-pub use run::{Pictures, Stage, StepsLeft, Viewer, main_with, organ};
+pub use run::{Pictures, Stage, StepsLeft, Viewer, main_with, opens_window, organ};
 #[allow(unused_imports, reason = "not every example uses every part")]
 pub use volumes::{Chosen, volume};

@@ -78,7 +78,7 @@ pub fn main_with(
         run_models(&args, name, add, count)
     } else if graphics_adapters().is_empty() {
         Err("no Vulkan, Metal or DirectX driver was found: run script/bootstrap, or use --backend cpu".into())
-    } else if args.out.is_none() && args.figure.is_none() && has_display() {
+    } else if opens_window(&args) {
         run_window(&args, name, add)
     } else {
         run_headless(&args, name, add, count)
@@ -90,6 +90,11 @@ pub fn main_with(
             ExitCode::FAILURE
         }
     }
+}
+
+/// Whether a run with these arguments is shown in a window.
+pub fn opens_window(args: &Args) -> bool {
+    args.backend != Some(Backend::Cpu) && args.out.is_none() && args.figure.is_none() && has_display()
 }
 
 /// The organ of the arguments; otherwise a real one of the data folder beside the project, where it is there;

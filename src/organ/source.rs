@@ -19,6 +19,8 @@ use tracing::error;
 /// component instead.
 #[derive(Component, Clone, Debug, Default, PartialEq, Reflect)]
 #[reflect(Component, Default, Clone)]
+#[require(Transform)]
+#[cfg_attr(feature = "render", require(Visibility))]
 pub struct LoadOrgan {
     /// What it is made of.
     pub source: OrganSource,

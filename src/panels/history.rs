@@ -3,8 +3,9 @@
 use bevy::ecs::entity_disabling::Disabled;
 use bevy::prelude::*;
 use bevy::reflect::{Reflect, TypePath};
+use bevy_egui::egui;
 use std::any::TypeId;
-use std::collections::VecDeque;
+use std::collections::{BTreeSet, VecDeque};
 
 /// Most edits that are remembered.
 const MOST_EDITS: usize = 500;
@@ -23,6 +24,7 @@ pub struct EditHistory {
     /// Edits since the beginning that are in effect, to tell whether something is not saved.
     count: u64,
     saved: u64,
+    edited: BTreeSet<(Entity, TypeId)>,
 }
 
 /// An edit: all of it is undone together.
@@ -63,6 +65,19 @@ impl EditHistory {
     /// What there is now is what a file has.
     pub fn mark_saved(&mut self) {
         self.saved = self.count;
+    }
+
+    /// Components that were set by hand, by an undo or a redo since this was last asked.
+    pub fn take_edited(&mut self) -> BTreeSet<(Entity, TypeId)> {
+        std::mem::take(&mut self.edited)
+    }
+
+    fn note_edited(&mut self, edit: &Edit) {
+        for change in &edit.changes {
+            if let Change::Component { entity, kind, .. } = change {
+                self.edited.insert((*entity, *kind));
+            }
+        }
     }
 
     fn push(&mut self, edit: Edit, gone: &mut Vec<Entity>) {
@@ -113,6 +128,7 @@ pub fn edit_component(world: &mut World, entity: Entity, kind: TypeId, value: Op
     set_component(world, entity, kind, value.as_deref());
     let mut gone = Vec::new();
     world.resource_scope(|_, mut history: Mut<EditHistory>| {
+        history.edited.insert((entity, kind));
         let joins = history.open.as_ref().is_some_and(|open| {
             open.changes.iter().any(|change| {
                 matches!(change, Change::Component { entity: of, kind: it, .. } if (*of, *it) == (entity, kind))
@@ -235,6 +251,7 @@ pub fn undo(world: &mut World) -> bool {
         }
     }
     let mut history = world.resource_mut::<EditHistory>();
+    history.note_edited(&edit);
     history.undone.push(edit);
     history.count -= 1;
     true
@@ -251,6 +268,7 @@ pub fn redo(world: &mut World) -> bool {
         }
     }
     let mut history = world.resource_mut::<EditHistory>();
+    history.note_edited(&edit);
     history.done.push_back(edit);
     history.count += 1;
     true
@@ -295,4 +313,12 @@ fn set_component(world: &mut World, entity: Entity, kind: TypeId, value: Option<
         return;
     }
     reflected.insert(&mut entity, value.as_partial_reflect(), &registry);
+}
+
+/// [`settle`] while no button is held, nothing is typed and no key moves something. Call it once a frame after all panels.
+pub fn settle_when_idle(world: &mut World, context: &egui::Context) {
+    let is_held = context.input(|input| input.pointer.any_down() || !input.keys_down.is_empty());
+    if !is_held && !context.text_edit_focused() {
+        settle(world);
+    }
 }

@@ -19,6 +19,7 @@ use crate::tools::{
     ToolPose, ToolRig, ToolState, ToolWork,
 };
 use crate::volume::critical::CriticalDistances;
+use crate::volume::structures::StructureChanges;
 use crate::volume::transfer::TransferFunction;
 use crate::volume::{
     CtVolume, CutVolume, DeformedVolume, LoadVolume, MakePhantom, PickedVolume, RemovedTissue, SoftVolume,
@@ -73,7 +74,7 @@ fn own() -> Vec<Kind> {
         // What gives way.
         DeformLattice, ElasticBody, LatticeAnimation, SoftVolume,
         // Volumes.
-        CtVolume, LoadVolume, MakePhantom, VolumeLook, TransferFunction, WatchCritical,
+        CtVolume, LoadVolume, MakePhantom, VolumeLook, TransferFunction, StructureChanges, WatchCritical,
         // Fluid.
         Pool, PoolLevel, PoolFluid, PoolBackend, SolverSettings, BleedingRules, PoolLook, Bleeder, SuctionIrrigator,
         // Instruments.
@@ -113,8 +114,8 @@ fn derived() -> Vec<Kind> {
         Cavity, FluidSolver, PoolState, PoolFault, PoolSurface, WaterBudget, SuctionState,
         // Of instruments.
         ToolCommand, ToolMotion, ToolState, ToolContacts, ToolForce, ToolWork, DeviceRefused, ServoReading,
-        // Of scenarios.
-        ScenarioPart;
+        // Of scenarios and scenes.
+        ScenarioPart, NotAuthored;
         seen: GpuFlow, PoolReadings, SkinTexture, StereoEye, StereoEyes,
     ]
 }
@@ -133,6 +134,11 @@ pub(super) fn made() -> [MadeBy; 4] {
         MadeBy { made: Kind::of::<ElasticBody>(), by: kinds![SoftVolume] },
     ]
 }
+
+/// Marks an entity of the program that is no part of the scene, and is not saved with it: an editor's own camera, handles, helpers.
+#[derive(Component, Clone, Copy, Debug, Default, PartialEq, Eq, Reflect)]
+#[reflect(Component, Default, Clone)]
+pub struct NotAuthored;
 
 /// The components that saved scenes hold: those of the crate that a designer sets, those of Bevy that hold them together, and
 /// those that an app adds to them.
@@ -183,9 +189,12 @@ impl SceneComponents {
         &self.saved
     }
 
-    /// Whether an entity with this component is worth saving.
-    pub(super) fn counts(&self, component: TypeId) -> bool {
-        self.saved.is_allowed_by_id(component) && !self.frame.is_allowed_by_id(component)
+    /// Whether something on an entity is worth saving.
+    pub(crate) fn count_on(&self, world: &World, entity: EntityRef) -> bool {
+        entity.archetype().components().iter().any(|id| {
+            let kind = world.components().get_info(*id).and_then(|info| info.type_id());
+            kind.is_some_and(|kind| self.saved.is_allowed_by_id(kind) && !self.frame.is_allowed_by_id(kind))
+        })
     }
 
     /// Type paths of the crate's components that a designer sets.

@@ -41,7 +41,7 @@ mod save;
 mod text;
 mod version;
 
-pub use components::SceneComponents;
+pub use components::{NotAuthored, SceneComponents};
 pub use error::SceneError;
 pub use load::{SceneLoader, load_scene, read_scene};
 pub use ready::*;
@@ -67,6 +67,7 @@ impl Plugin for ScenesPlugin {
         app.init_resource::<SceneComponents>()
             .register_type::<SceneVersion>()
             .register_type::<SceneError>()
+            .register_type::<NotAuthored>()
             .init_asset_loader::<SceneLoader>();
     }
 }

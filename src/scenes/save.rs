@@ -1,6 +1,6 @@
 //! Saving: what of a world a designer set.
 
-use super::components::{SceneComponents, made};
+use super::components::{NotAuthored, SceneComponents, made};
 use super::{SceneError, SceneVersion};
 use crate::organ::Organ;
 use crate::pool::Bleeder;
@@ -8,6 +8,7 @@ use crate::volume::transfer::TransferFunction;
 use crate::volume::{CtVolume, has_suited_transfer};
 use bevy::asset::UntypedHandle;
 use bevy::ecs::entity::EntityMapper;
+use bevy::ecs::entity_disabling::Disabled;
 use bevy::ecs::relationship::RelationshipTarget;
 use bevy::ecs::resource::IS_RESOURCE;
 use bevy::prelude::*;
@@ -107,12 +108,7 @@ fn saved_entities(
     entities: impl IntoIterator<Item = Entity>,
 ) -> BTreeSet<Entity> {
     let given: BTreeSet<Entity> = entities.into_iter().filter(|entity| is_authored(world, *entity)).collect();
-    let counts = |entity: &Entity| {
-        let here = world.entity(*entity);
-        here.archetype().components().iter().any(|id| {
-            world.components().get_info(*id).and_then(|info| info.type_id()).is_some_and(|id| components.counts(id))
-        })
-    };
+    let counts = |entity: &Entity| components.count_on(world, world.entity(*entity));
     let mut saved: BTreeSet<Entity> = given.iter().copied().filter(counts).collect();
     for entity in saved.clone() {
         let mut at = entity;
@@ -129,13 +125,17 @@ fn saved_entities(
 /// Whether an entity was not made by the simulation.
 fn is_authored(world: &World, entity: Entity) -> bool {
     let Ok(entity) = world.get_entity(entity) else { return false };
+    if entity.contains::<NotAuthored>() {
+        return false;
+    }
     #[cfg(feature = "render")]
     let is_eye = entity.contains::<crate::view::StereoEye>();
     #[cfg(not(feature = "render"))]
     let is_eye = false;
     // A burr gives no names.
     let was_opened = entity.get::<Bleeder>().is_some_and(|bleeder| bleeder.label != 0) && !entity.contains::<Name>();
-    !(is_eye || was_opened || entity.contains_id(IS_RESOURCE))
+    // What is disabled is as if it were not there, and would be there when it is loaded.
+    !(is_eye || was_opened || entity.contains::<Disabled>() || entity.contains_id(IS_RESOURCE))
 }
 
 /// Handles of organs and volumes lead to files, or something beside them says what they are.

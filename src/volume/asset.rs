@@ -57,6 +57,8 @@ fn structured(volume: Volume, file: &str) -> Result<Volume, VolumeError> {
 /// saved scenes know where that came from, and what is changed in it is loaded anew.
 #[derive(Component, Clone, Debug, Default, PartialEq, Reflect)]
 #[reflect(Component, Default, Clone)]
+#[require(Transform)]
+#[cfg_attr(feature = "render", require(Visibility))]
 pub struct LoadVolume {
     /// The file or folder.
     pub path: PathBuf,
@@ -68,6 +70,8 @@ pub struct LoadVolume {
 /// does nothing. It stays beside the volume, as [`LoadVolume`] does.
 #[derive(Component, Clone, Copy, Debug, Default, PartialEq, Reflect)]
 #[reflect(Component, Default, Clone)]
+#[require(Transform)]
+#[cfg_attr(feature = "render", require(Visibility))]
 pub struct MakePhantom(pub PhantomOptions);
 
 /// A [`LoadVolume`] or [`MakePhantom`] came to nothing.

@@ -2,7 +2,7 @@
 
 use super::error::VolumeFault;
 use super::grid::VolumeGrid;
-use super::structures::Structures;
+use super::structures::{Structure, Structures};
 use bevy::asset::Asset;
 use bevy::reflect::Reflect;
 use glam::UVec3;
@@ -132,6 +132,11 @@ impl Volume {
         }
         self.structures = Some(structures.into());
         Ok(self)
+    }
+
+    /// Sets names, colours and properties of the structures, as many as there are.
+    pub(super) fn set_structure_list(&mut self, list: Vec<Structure>) {
+        self.structures = self.structures.as_ref().map(|structures| structures.with_list(list).into());
     }
 
     /// Where the voxels lie.

@@ -69,6 +69,7 @@ fn register(app: &mut App) {
         .register_type::<blocks::BlockRanges>()
         .register_type::<blocks::BlockDistances>()
         .register_type::<critical::StructureDistance>();
+    structures::build(app);
     app.register_type::<structures::Structure>()
         .register_type::<structures::Structures>()
         .register_type::<structures::Tissue>()

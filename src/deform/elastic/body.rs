@@ -387,6 +387,24 @@ impl ElasticBody {
         lattice.set_translations(&self.published).map_err(|_| ElasticError::OtherBox)
     }
 
+    /// Makes cells of other tissue. What fills them, where all of it is and how fast it moves stays as it is. `tissue_at` gets the middle
+    /// of a cell, body space, metres, and what it is made of.
+    pub fn change_tissue(&mut self, mut tissue_at: impl FnMut(Vec3, ElasticTissue) -> ElasticTissue) {
+        for (patch, cell) in self.tree.patches().iter().zip(&mut self.cells) {
+            let middle = patch.low() + DVec3::splat(0.5 * patch.side());
+            cell.0 = tissue_at(self.body_from_box.transform_point3(middle.as_vec3()), cell.0).bounded();
+        }
+        let mut solver = Solver::new(&self.tree, &self.cells, self.sides_m);
+        for vertex in 0..self.tree.vertex_count() {
+            solver.place(vertex, self.solver.displacement(vertex), self.solver.velocity(vertex));
+            solver.pin(vertex, self.solver.is_pinned(vertex));
+        }
+        solver.follow();
+        self.solver = solver;
+        self.touching.forget();
+        self.still_steps = 0;
+    }
+
     /// Takes over a lattice's other tree over the same box: one that was subdivided, say. Places and velocities go on as they are, and
     /// cells take the tissue of those that they lie in.
     pub fn follow_tree(&mut self, lattice: &DeformLattice) -> Result<(), ElasticError> {

@@ -20,14 +20,14 @@ use bevy_egui::egui;
 /// What controls look up beside the value.
 pub struct FieldContext<'a> {
     registry: &'a TypeRegistry,
-    assets: Option<&'a AssetServer>,
+    assets: Option<AssetServer>,
     /// Entities with names, in the order of these.
     entities: Vec<(Entity, String)>,
 }
 
 impl<'a> FieldContext<'a> {
     /// For the entities of a world. `registry` is the world's.
-    pub fn new(world: &'a World, registry: &'a TypeRegistry) -> Self {
+    pub fn new(world: &World, registry: &'a TypeRegistry) -> Self {
         let mut entities: Vec<_> = world
             .archetypes()
             .iter()
@@ -37,11 +37,11 @@ impl<'a> FieldContext<'a> {
             .filter_map(|entity| Some((entity.id(), entity.get::<Name>()?.to_string())))
             .collect();
         entities.sort_by(|(one, name), (other, of)| name.cmp(of).then(one.cmp(other)));
-        Self { registry, assets: world.get_resource(), entities }
+        Self { registry, assets: world.get_resource().cloned(), entities }
     }
 
     fn path_of(&self, asset: UntypedAssetId) -> Option<String> {
-        Some(self.assets?.get_path(asset)?.to_string())
+        Some(self.assets.as_ref()?.get_path(asset)?.to_string())
     }
 }
 
@@ -124,7 +124,7 @@ fn tooltip(label: &str, place: Place) -> String {
 }
 
 /// Documentation without its links.
-fn plain(docs: &str) -> String {
+pub(super) fn plain(docs: &str) -> String {
     let mut text = String::new();
     let mut rest = docs.trim();
     while let Some(start) = rest.find('[') {

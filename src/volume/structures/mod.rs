@@ -1,11 +1,14 @@
 //! Named parts of a volume: which voxel belongs to what, how hard it is and how it bleeds.
 
 mod automatic;
+mod changes;
 mod labels;
 mod palette;
 mod thresholds;
 mod typical;
 
+pub(super) use changes::build;
+pub use changes::StructureChanges;
 pub use palette::{Palette, SnapReport};
 pub use thresholds::{SolidRamp, ThresholdBand, Thresholds};
 
@@ -60,6 +63,21 @@ pub struct Structures {
     solid: Vec<u8>,
 }
 
+impl Structure {
+    /// Whether its numbers make sense.
+    fn check(&self) -> Result<(), VolumeFault> {
+        let bad = |field: &str, reason: String| Err(VolumeFault::BadGrid { field: field.into(), reason });
+        let Self { name, hardness, bleeding_ml_per_s_mm3: rate, .. } = self;
+        if !(hardness.is_finite() && *hardness > 0.0) {
+            return bad("hardness", format!("{hardness} of {name} is not a positive number"));
+        }
+        if !(rate.is_finite() && *rate >= 0.0) {
+            return bad("bleeding_ml_per_s_mm3", format!("{rate} of {name} is not a number from 0 upwards"));
+        }
+        Ok(())
+    }
+}
+
 impl Structures {
     /// Structures by their labels: a voxel with label `n > 0` belongs to `list[n - 1]`, one with label 0 to none of them.
     /// `solid` says how much of each voxel is filled with tissue that can be removed: 0 for air, 255 for all of it, less where a
@@ -82,13 +100,7 @@ impl Structures {
             return bad("labels", format!("label {label} is used, but only {} structures are named", list.len()));
         }
         for structure in &list {
-            let Structure { name, hardness, bleeding_ml_per_s_mm3: rate, .. } = structure;
-            if !(hardness.is_finite() && *hardness > 0.0) {
-                return bad("hardness", format!("{hardness} of {name} is not a positive number"));
-            }
-            if !(rate.is_finite() && *rate >= 0.0) {
-                return bad("bleeding_ml_per_s_mm3", format!("{rate} of {name} is not a number from 0 upwards"));
-            }
+            structure.check()?;
         }
         Ok(Self { list, labels, solid })
     }
@@ -111,6 +123,12 @@ impl Structures {
     /// The structure with a label.
     pub fn of_label(&self, label: u8) -> Option<&Structure> {
         self.list.get(usize::from(label).checked_sub(1)?)
+    }
+
+    /// The same voxels with another list of as many structures.
+    pub(super) fn with_list(&self, list: Vec<Structure>) -> Self {
+        debug_assert_eq!(list.len(), self.list.len());
+        Self { list, labels: self.labels.clone(), solid: self.solid.clone() }
     }
 
     /// The label of the structure with a name.
