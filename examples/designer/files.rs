@@ -45,6 +45,8 @@ pub struct Dialogs {
 #[derive(Resource, Default)]
 struct Loads {
     since: BTreeMap<Entity, Instant>,
+    /// What is turned to when it is there.
+    opened: Option<Entity>,
     changed: BTreeMap<PathBuf, SystemTime>,
     kept: Option<Instant>,
 }
@@ -122,6 +124,7 @@ pub fn open(world: &mut World, designer: &mut Designer, file: &Path) {
     note_added(world, &[opened], &format!("Open {name}"));
     designer.chosen = Some(opened);
     designer.status = format!("Opening {name}");
+    world.resource_mut::<Loads>().opened = Some(opened);
 }
 
 /// Does something that would lose what is not saved, or asks before.
@@ -308,6 +311,11 @@ pub fn progress(context: &egui::Context, world: &mut World, designer: &mut Desig
         waiting.push((entity, name.unwrap_or_else(|| "a phantom".into())));
     }
     waiting.sort();
+    let opened = world.resource::<Loads>().opened;
+    if let Some(opened) = opened.filter(|opened| waiting.iter().all(|(waits, _)| waits != opened)) {
+        view::frame(world, Some(opened));
+        world.resource_mut::<Loads>().opened = None;
+    }
     let mut cancelled = None;
     world.resource_scope(|_, mut loads: Mut<Loads>| {
         loads.since.retain(|entity, _| waiting.iter().any(|(waits, _)| waits == entity));

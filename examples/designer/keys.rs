@@ -17,7 +17,7 @@ const KEYS: &[(&str, &str)] = &[
     ("Ctrl+R", "reset: as it was set up"),
     ("Ctrl+Q", "quit"),
     ("Page up, Page down", "choose the one before or after in the tree"),
-    ("Tab, Shift+Tab", "to the next or last control of a panel; arrows and Enter set it"),
+    ("Tab, Shift+Tab; Escape", "to the next or last control of a panel, where arrows and Enter set it; out of it"),
     ("Delete", "remove what is chosen"),
     ("Alt+arrows, Alt+Page up, down", "move what is chosen by 1 mm (Shift: 10 mm) along x, z and y"),
     ("W, E, R; X", "gizmo moves, turns, scales; along its own axes"),
@@ -53,6 +53,14 @@ pub fn press(world: &mut World, context: &egui::Context) {
     let pressed = |modifiers: Modifiers, key: Key| context.input_mut(|input| input.consume_key(modifiers, key));
     let command = Modifiers::COMMAND;
     world.resource_scope(|world, mut designer: Mut<Designer>| {
+        // Who clicks into the picture, or presses Escape, has left the panels.
+        let leaves = context.input(|input| {
+            let at = input.pointer.press_origin().map(|at| Vec2::new(at.x, at.y));
+            input.key_pressed(Key::Escape) || at.is_some_and(|at| designer.picture.contains(at))
+        });
+        if leaves && let Some(focused) = context.memory(|memory| memory.focused()) {
+            context.memory_mut(|memory| memory.surrender_focus(focused));
+        }
         if pressed(Modifiers::NONE, Key::F1) {
             designer.shows_help = !designer.shows_help;
         }
@@ -80,11 +88,16 @@ pub fn press(world: &mut World, context: &egui::Context) {
         if pressed(command, Key::R) {
             rest::reset(world, &mut designer);
         }
-        if context.egui_wants_keyboard_input() || designer.asks.is_some() {
+        if context.text_edit_focused() || designer.asks.is_some() {
             return;
         }
-        if pressed(Modifiers::NONE, Key::Space) {
+        // A control that was reached with Tab has these.
+        let is_in_panel = context.memory(|memory| memory.focused().is_some());
+        if !is_in_panel && pressed(Modifiers::NONE, Key::Space) {
             toggle_pause(world);
+        }
+        if !is_in_panel && pressed(Modifiers::NONE, Key::Delete) {
+            menu::remove_chosen(world, &mut designer);
         }
         if pressed(Modifiers::NONE, Key::Period) {
             single_step(world);
@@ -93,9 +106,6 @@ pub fn press(world: &mut World, context: &egui::Context) {
             if pressed(Modifiers::NONE, key) {
                 change_speed(world, by);
             }
-        }
-        if pressed(Modifiers::NONE, Key::Delete) {
-            menu::remove_chosen(world, &mut designer);
         }
         if pressed(Modifiers::NONE, Key::F) {
             view::frame(world, designer.chosen);

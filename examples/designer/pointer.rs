@@ -48,7 +48,8 @@ pub struct Pointing {
     pressed_at: Option<Vec2>,
     /// Whether something else took the press: a handle, the gizmo.
     pub is_taken: bool,
-    has_bled: bool,
+    /// A click that opens a vessel in the next step: it may be shorter than one.
+    opens: Option<Ray3d>,
 }
 
 pub fn build(app: &mut App) {
@@ -132,13 +133,18 @@ fn click(
     wants: Option<Res<EguiWantsInput>>,
     organs: OrganPicking,
     volumes: VolumePicking,
+    time: Res<Time<Virtual>>,
 ) {
     let under = ray(&designer, &windows, &cameras);
     if buttons.just_pressed(MouseButton::Left) {
         let is_panels = wants.is_some_and(|wants| wants.wants_any_pointer_input());
         let is_free = !is_panels && !gizmo.active && gizmo.hovered_axis.is_none();
-        pointing.pressed_at = under.filter(|_| is_free).map(|(at, _)| at);
-        pointing.has_bled = false;
+        let pressed = under.filter(|_| is_free);
+        pointing.pressed_at = pressed.map(|(at, _)| at);
+        pointing.opens = pressed.filter(|_| designer.hand == Hand::Bleed).map(|(_, ray)| ray);
+        if pressed.is_some() && designer.hand != Hand::Choose && time.is_paused() {
+            designer.status = "Nothing happens while it is paused: Space plays".into();
+        }
     }
     if !buttons.just_released(MouseButton::Left) {
         return;
@@ -169,17 +175,19 @@ fn act(world: &mut World, state: &mut SystemState<Acting>) {
     let Ok((designer, mut pointing, buttons, windows, cameras, organs, mut touches)) = state.get_mut(world) else {
         return;
     };
-    if !buttons.pressed(MouseButton::Left) || pointing.pressed_at.is_none() || pointing.is_taken {
-        return;
-    }
     let action = match designer.hand {
         Hand::Choose => return,
         Hand::Press => ReactionAction::Press { pressure: 1.0, radius_m: 4e-3 },
-        Hand::Bleed if std::mem::replace(&mut pointing.has_bled, true) => return,
         Hand::Bleed => ReactionAction::Wound(Wound::default()),
         Hand::Burn => ReactionAction::Cauterize(default()),
     };
-    let Some((_, ray)) = ray(&designer, &windows, &cameras) else { return };
+    let is_held = buttons.pressed(MouseButton::Left) && pointing.pressed_at.is_some() && !pointing.is_taken;
+    let along = match designer.hand {
+        Hand::Bleed => pointing.opens.take(),
+        _ if is_held => ray(&designer, &windows, &cameras).map(|(_, ray)| ray),
+        _ => None,
+    };
+    let Some(ray) = along else { return };
     if let Some(hit) = organs.cast_ray(ray, 100.0) {
         touches.write(OrganTouch { organ: hit.organ, point: hit.point, instrument: OWN_INSTRUMENT, action });
     }

@@ -29,6 +29,7 @@ pub struct DrawsElsewhere(pub bool);
 
 pub fn build(app: &mut App) {
     app.add_plugins(PanOrbitCameraPlugin)
+        .add_observer(rest_at_first)
         .add_systems(Startup, open)
         .add_systems(PreUpdate, (place_picture, light_up, tame_gizmo).chain());
 }
@@ -43,7 +44,7 @@ fn open(mut commands: Commands, stage: Res<Stage>) {
         stage.target.clone(),
         TransformGizmoCamera,
         Transform::from_xyz(0.05, 0.12, 0.3).looking_at(Vec3::ZERO, Vec3::Y),
-        PanOrbitCamera { zoom_lower_limit: 1e-3, ..default() },
+        PanOrbitCamera { zoom_lower_limit: 1e-3, use_real_time: true, ..default() },
     ));
     let panels = Camera {
         order: 100,
@@ -63,6 +64,20 @@ fn open(mut commands: Commands, stage: Res<Stage>) {
         RenderLayers::none(),
         stage.target.clone(),
     ));
+}
+
+/// A camera that comes with a scene rests until it is looked through.
+fn rest_at_first(
+    added: On<Add, Camera3d>,
+    mut cameras: Query<(&mut Camera, Has<StereoPair>), (Without<NotAuthored>, Without<StereoEye>, Without<RenderLayers>)>,
+    mut commands: Commands,
+) {
+    if let Ok((mut camera, is_pair)) = cameras.get_mut(added.entity) {
+        if !is_pair {
+            commands.entity(added.entity).insert(DrawsElsewhere(camera.is_active));
+        }
+        camera.is_active = false;
+    }
 }
 
 /// The camera that is looked through draws between the panels; the others of the scene rest.
@@ -187,7 +202,7 @@ pub fn begin(world: &mut World) {
     let mut own = world.query_filtered::<(&mut Transform, &mut PanOrbitCamera), With<OwnView>>();
     for (mut transform, mut eye) in own.iter_mut(world) {
         *transform = place.compute_transform().with_scale(Vec3::ONE);
-        *eye = PanOrbitCamera { focus, zoom_lower_limit: 1e-3, ..default() };
+        *eye = PanOrbitCamera { focus, zoom_lower_limit: 1e-3, use_real_time: true, ..default() };
     }
 }
 

@@ -6,7 +6,7 @@ use super::error::{MeshError, MeshFault};
 use super::load::{check_unit, scale_to_metres};
 use super::procedural::{ProceduralLiver, procedural_liver};
 use super::{Organ, ShapeOrgans, procedural_ellipsoid};
-use bevy::asset::LoadState;
+use bevy::asset::{AssetLoadError, LoadState};
 use bevy::ecs::VariantDefaults;
 use bevy::prelude::*;
 use bevy::tasks::{AsyncComputeTaskPool, Task, block_on, poll_once};
@@ -154,7 +154,12 @@ fn tell_of_files(
         if let OrganSource::File(path) = &wanted.source
             && let Some(LoadState::Failed(error)) = assets.get_load_state(&organ.0)
         {
-            let failed = OrganError::Io { file: path.clone(), error: error.to_string() };
+            // What the loader says of the file; Bevy wraps it in the loader's name.
+            let told = match &*error {
+                AssetLoadError::AssetLoaderError(error) => error.error().downcast_ref::<OrganError>().cloned(),
+                _ => None,
+            };
+            let failed = told.unwrap_or_else(|| OrganError::Io { file: path.clone(), error: error.to_string() });
             commands.entity(entity).try_insert(OrganLoadFailed(failed));
         }
     }

@@ -4,7 +4,7 @@ use crate::organ::OrganLoadFailed;
 use crate::pool::PoolFault;
 use crate::tools::DeviceRefused;
 use crate::volume::VolumeLoadFailed;
-use bevy::asset::UntypedAssetLoadFailedEvent;
+use bevy::asset::{AssetLoadError, UntypedAssetLoadFailedEvent};
 use bevy::prelude::*;
 use bevy_egui::egui;
 use std::collections::VecDeque;
@@ -23,10 +23,12 @@ pub struct Problems {
 }
 
 impl Problems {
-    /// Notes a problem; one like the last is not noted again.
+    /// Notes a problem, by the first line of it; one like the last few is not noted again.
     pub fn note(&mut self, problem: impl Into<String>) {
-        let problem = problem.into();
-        if self.list.back() == Some(&problem) {
+        let problem: String = problem.into();
+        // What follows is where in the program it came up.
+        let problem = problem.lines().next().unwrap_or_default().to_owned();
+        if self.list.iter().rev().take(5).any(|last| last.contains(&problem)) {
             return;
         }
         self.list.push_back(problem);
@@ -62,14 +64,18 @@ pub(super) fn collect(
     devices: Query<(&DeviceRefused, Option<&Name>), Added<DeviceRefused>>,
 ) {
     let of = |name: Option<&Name>| name.map_or_else(String::new, |name| format!("{name}: "));
+    // These name their file.
+    for (failed, _) in &organs {
+        problems.note(failed.0.to_string());
+    }
+    for (failed, _) in &volumes {
+        problems.note(failed.0.to_string());
+    }
     for failed in assets.read() {
-        problems.note(format!("{}: {}", failed.path, failed.error));
-    }
-    for (failed, name) in &organs {
-        problems.note(format!("{}{}", of(name), failed.0));
-    }
-    for (failed, name) in &volumes {
-        problems.note(format!("{}{}", of(name), failed.0));
+        problems.note(match &failed.error {
+            AssetLoadError::AssetLoaderError(error) => error.error().to_string(),
+            other => format!("{}: {other}", failed.path),
+        });
     }
     for (fault, name) in &pools {
         problems.note(format!("{}{}", of(name), fault.0));

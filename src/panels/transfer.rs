@@ -33,7 +33,7 @@ pub(super) fn forget_changed(mut changed: MessageReader<AssetEvent<Volume>>, mut
     }
 }
 
-/// Heights from 0 to 1, in powers of ten: of most volumes nearly all is air.
+/// Heights from 0 to 1, as cube roots: of most volumes nearly all is air.
 fn histogram(volume: &Volume) -> Vec<f32> {
     let count = volume.grid().count();
     // No multiple of a row or slice, so that all of them are met.
@@ -44,7 +44,7 @@ fn histogram(volume: &Volume) -> Vec<f32> {
         bins[bin.min(BINS - 1)] += 1;
     }
     let most = bins.iter().copied().max().unwrap_or(1).max(1) as f32;
-    bins.iter().map(|count| (*count as f32 + 1.0).ln() / (most + 1.0).ln()).collect()
+    bins.iter().map(|count| (*count as f32 / most).cbrt()).collect()
 }
 
 fn heights(world: &mut World, id: AssetId<Volume>) -> Option<Vec<f32>> {

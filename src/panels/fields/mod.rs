@@ -66,7 +66,8 @@ pub fn fields(ui: &mut egui::Ui, value: &mut dyn PartialReflect, context: &Field
 /// Controls for the parts of a value, below one another.
 fn inner(ui: &mut egui::Ui, value: &mut dyn PartialReflect, place: Place, context: &FieldContext) -> bool {
     if parts::is_single(value) {
-        return row(ui, "Value", value, place, context);
+        let of = value.get_represented_type_info().map_or("Value", |info| info.type_path_table().short_path());
+        return row(ui, if of == "Name" { of } else { "Value" }, value, place, context);
     }
     let info = value.get_represented_type_info();
     let of = info.map_or("", |info| info.type_path_table().short_path());
@@ -149,7 +150,11 @@ fn row(ui: &mut egui::Ui, label: &str, value: &mut dyn PartialReflect, place: Pl
     if !parts::is_single(value) && !parts::is_unit_enum(value) {
         return ui.push_id(label, |ui| parts::unfolded(ui, label, &told, value, place, context)).inner;
     }
-    labelled(ui, label, &told, |ui| parts::control(ui, value, place, context))
+    let label = match parts::unit_beside(value, &place) {
+        "" => label.to_owned(),
+        unit => format!("{label}, {unit}"),
+    };
+    labelled(ui, &label, &told, |ui| parts::control(ui, value, place, context))
 }
 
 /// A name at the left and a control at the right, both with the tooltip; whether the control changed something.

@@ -66,6 +66,17 @@ fn is_handle(info: &TypeInfo) -> bool {
     info.type_path().starts_with("bevy_asset::handle::Handle<")
 }
 
+/// What is written behind the name of a value whose control has no room for it.
+pub(super) fn unit_beside<'a>(value: &dyn PartialReflect, place: &Place<'a>) -> &'static str {
+    let Some(info) = value.get_represented_type_info() else { return "" };
+    let several = [TypeId::of::<Vec2>(), TypeId::of::<Vec3>(), TypeId::of::<Vec4>(), TypeId::of::<bevy::math::DVec3>()];
+    match info.type_id() {
+        kind if kind == TypeId::of::<Quat>() => "°",
+        kind if several.contains(&kind) && !place.field.ends_with("colour") => place.unit.symbol,
+        _ => "",
+    }
+}
+
 /// Whether a value is one of several names.
 pub(super) fn is_unit_enum(value: &dyn PartialReflect) -> bool {
     match value.get_represented_type_info() {

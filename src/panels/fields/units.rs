@@ -59,7 +59,12 @@ impl Unit {
 
     /// The unit of a field.
     pub fn of_field(name: &str) -> Self {
-        let name = if PLAIN_ANGLES.contains(&name) { "_rad" } else { name };
+        let name = match name {
+            // Bevy's own: metres.
+            "translation" => "_m",
+            name if PLAIN_ANGLES.contains(&name) => "_rad",
+            name => name,
+        };
         let found = UNITS.iter().find(|(end, ..)| name.ends_with(end));
         found.map_or(Self::PLAIN, |&(_, symbol, shown_per_stored)| Self { symbol, shown_per_stored })
     }
