@@ -11,6 +11,8 @@ mod deform_support;
 mod deform_warp;
 mod haptics_device;
 mod haptics_servo;
+#[cfg(feature = "panels")]
+mod panels;
 #[path = "pool_ecs.rs"]
 mod pool_ecs;
 mod scenario;

@@ -315,6 +315,7 @@ pub fn progress(context: &egui::Context, world: &mut World, designer: &mut Desig
     if let Some(opened) = opened.filter(|opened| waiting.iter().all(|(waits, _)| waits != opened)) {
         view::frame(world, Some(opened));
         world.resource_mut::<Loads>().opened = None;
+        designer.status = designer.status.replace("Opening", "Opened");
     }
     let mut cancelled = None;
     world.resource_scope(|_, mut loads: Mut<Loads>| {

@@ -137,24 +137,34 @@ fn same(one: &Option<Viewport>, other: &Option<Viewport>) -> bool {
 
 /// Where nothing else shines there is a lamp at the designer's eye.
 fn light_up(
-    own: Query<(Entity, Has<ScopeLight>), With<OwnView>>,
+    mut own: Query<(Entity, Option<&mut ScopeLight>, &PanOrbitCamera), With<OwnView>>,
     scope_lights: Query<(), (With<ScopeLight>, Without<OwnView>)>,
     lights: Query<(), Or<(With<DirectionalLight>, With<PointLight>, With<SpotLight>)>>,
     mut commands: Commands,
 ) {
     let is_dark = scope_lights.is_empty() && lights.is_empty();
-    for (entity, has_lamp) in &own {
-        if is_dark && !has_lamp {
-            commands.entity(entity).insert(ScopeLight { ring_radius_m: 0.02, ..default() });
-        } else if !is_dark && has_lamp {
-            commands.entity(entity).remove::<ScopeLight>();
+    for (entity, lamp, eye) in &mut own {
+        // As bright from far away as from near.
+        let far = eye.radius.unwrap_or(eye.target_radius) / 0.15;
+        let intensity_cd = 80.0 * (far * far).clamp(0.01, 1e4);
+        match lamp {
+            Some(_) if !is_dark => drop(commands.entity(entity).remove::<ScopeLight>()),
+            Some(mut lamp) if lamp.intensity_cd != intensity_cd => lamp.intensity_cd = intensity_cd,
+            None if is_dark => {
+                commands.entity(entity).insert(ScopeLight { ring_radius_m: 0.02, intensity_cd, ..default() });
+            }
+            _ => {}
         }
     }
 }
 
 /// Bevy's gizmo has a camera of its own, which must draw as ours do and over what they drew.
 fn tame_gizmo(
-    mut overlays: Query<(Entity, &RenderLayers, &mut Camera, Has<Hdr>), (With<Camera3d>, Without<OwnView>)>,
+    mut overlays: Query<
+        (Entity, &RenderLayers, &mut Camera, &mut Projection, Has<Hdr>),
+        (With<Camera3d>, Without<TransformGizmoCamera>),
+    >,
+    lenses: Query<&Projection, With<TransformGizmoCamera>>,
     focus: Query<(), With<TransformGizmoFocus>>,
     through: Query<Entity, With<TransformGizmoCamera>>,
     own: Query<Entity, With<OwnView>>,
@@ -162,7 +172,7 @@ fn tame_gizmo(
     stage: Res<Stage>,
     mut commands: Commands,
 ) {
-    for (entity, layers, mut camera, is_tamed) in &mut overlays {
+    for (entity, layers, mut camera, mut lens, is_tamed) in &mut overlays {
         if *layers != RenderLayers::layer(GIZMO_LAYER) {
             continue;
         }
@@ -171,6 +181,10 @@ fn tame_gizmo(
             camera.order = 90;
             let look = (Hdr, Msaa::Off, Tonemapping::SomewhatBoringDisplayTransform);
             commands.entity(entity).insert((look, stage.target.clone()));
+        }
+        // Bevy's own begins ten centimetres away: farther than most of an operating field.
+        if let Some(wanted) = lenses.iter().next() {
+            *lens = wanted.clone();
         }
         let is_active = !focus.is_empty();
         if camera.is_active != is_active {

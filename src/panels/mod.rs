@@ -65,6 +65,7 @@ pub use timeline::{Timeline, TimelineEvent, TimelineKind, timeline_panel};
 pub use tools::ready_tools;
 
 use bevy::prelude::*;
+use bevy_inspector_egui::DefaultInspectorConfigPlugin;
 
 /// What panels need beside egui itself: the history of edits, the list of problems. Add it after
 /// [`SurgeryPlugins`](crate::SurgeryPlugins); `EguiPlugin` is the program's.
@@ -72,6 +73,9 @@ pub struct PanelsPlugin;
 
 impl Plugin for PanelsPlugin {
     fn build(&self, app: &mut App) {
+        if !app.is_plugin_added::<DefaultInspectorConfigPlugin>() {
+            app.add_plugins(DefaultInspectorConfigPlugin);
+        }
         app.init_resource::<EditHistory>()
             .init_resource::<Problems>()
             .init_resource::<transfer::Histograms>()

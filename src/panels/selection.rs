@@ -1,7 +1,8 @@
 //! All that an entity is made of, a section a component.
 
 use super::fields::{FieldContext, fields, label_of_type};
-use super::{camera, edit_component, lattice, organ, pool, structures, tools, transfer};
+use super::history::component;
+use super::{camera, edit_component, lattice, note_change, organ, pool, structures, tools, transfer};
 use crate::deform::DeformLattice;
 use crate::deform::elastic::ElasticBody;
 use crate::highlights::Highlights;
@@ -17,6 +18,7 @@ use crate::volume::transfer::TransferFunction;
 use bevy::prelude::*;
 use bevy::reflect::TypeRegistry;
 use bevy_egui::egui;
+use bevy_inspector_egui::bevy_inspector::ui_for_entity;
 use std::any::TypeId;
 
 /// More of a component than its fields say: plots, presets, what it does just now.
@@ -43,7 +45,7 @@ fn more(kind: TypeId) -> (Option<More>, bool) {
 
 /// Components that are told of, but follow from others beside them and are not to be added or taken away by hand.
 fn is_made(kind: TypeId) -> bool {
-    kind == TypeId::of::<CtVolume>() || kind == TypeId::of::<crate::organ::Organ>()
+    [TypeId::of::<CtVolume>(), TypeId::of::<StructureChanges>(), TypeId::of::<crate::organ::Organ>()].contains(&kind)
 }
 
 /// A component that a section is for.
@@ -55,7 +57,11 @@ struct Section {
 
 fn section(kind: TypeId, registry: &TypeRegistry) -> Option<Section> {
     let info = registry.get(kind)?.type_info();
-    let title = label_of_type(info.type_path_table().short_path());
+    let title = match info.type_path_table().short_path() {
+        "CtVolume" => "CT volume".into(),
+        "StructureChanges" => "Structures".into(),
+        name => label_of_type(name),
+    };
     Some(Section { kind, title, meaning: info.docs().unwrap_or_default() })
 }
 
@@ -82,7 +88,12 @@ pub fn entity_panel(ui: &mut egui::Ui, world: &mut World, entity: Entity) {
         }
         ui.separator();
         let all = authored(&registry);
-        let has = |world: &World, kind| world.get_entity(entity).is_ok_and(|entity| entity.contains_type_id(kind));
+        let has = |world: &World, kind| {
+            // A volume has structures, whether they were changed or not.
+            let kinds = [kind, TypeId::of::<CtVolume>()];
+            let kinds = &kinds[usize::from(kind == TypeId::of::<StructureChanges>())..];
+            world.get_entity(entity).is_ok_and(|entity| entity.contains_type_id(kinds[0]))
+        };
         for section in &all {
             if has(world, section.kind) {
                 show_section(ui, world, entity, section, true, &context);
@@ -100,11 +111,34 @@ pub fn entity_panel(ui: &mut egui::Ui, world: &mut World, entity: Entity) {
             }
         }
         add_menu(ui, world, entity, &all, &registry);
+        everything(ui, world, entity, &all);
     });
 }
 
+/// All components as bevy-inspector-egui shows them, those too that follow from others. What is changed of the authored ones can be
+/// undone.
+fn everything(ui: &mut egui::Ui, world: &mut World, entity: Entity, authored: &[Section]) {
+    let folded = egui::CollapsingHeader::new("Everything").show(ui, |ui| {
+        let kinds = authored.iter().map(|section| section.kind).chain([TypeId::of::<Transform>(), TypeId::of::<Name>()]);
+        let before: Vec<_> = kinds.map(|kind| (kind, component(world, entity, kind))).collect();
+        ui_for_entity(world, entity, ui);
+        for (kind, before) in before {
+            let now = component(world, entity, kind);
+            let is_same = match (&before, &now) {
+                (Some(before), Some(now)) => before.reflect_partial_eq(now.as_partial_reflect()) != Some(false),
+                (before, now) => before.is_none() && now.is_none(),
+            };
+            if !is_same {
+                note_change(world, entity, kind, before, "Inspector");
+            }
+        }
+    });
+    let told = "All components, those too that follow from others, by the inspector of bevy-inspector-egui";
+    folded.header_response.on_hover_text(told);
+}
+
 fn show_fields(ui: &mut egui::Ui, world: &mut World, entity: Entity, section: &Section, context: &FieldContext) {
-    let Some(mut value) = super::history::component(world, entity, section.kind) else { return };
+    let Some(mut value) = component(world, entity, section.kind) else { return };
     if fields(ui, value.as_partial_reflect_mut(), context) {
         edit_component(world, entity, section.kind, Some(value), &section.title);
     }

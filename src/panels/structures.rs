@@ -70,8 +70,14 @@ pub(super) fn structures(ui: &mut egui::Ui, world: &mut World, entity: Entity) {
 }
 
 fn row(ui: &mut egui::Ui, structure: &mut Structure) {
-    let name = ui.add(egui::Label::new(&structure.name).truncate());
-    name.on_hover_text(format!("{}: {:?}", structure.name, structure.tissue));
+    let name = egui::Label::new(&structure.name).truncate().show_tooltip_when_elided(false);
+    let height = ui.spacing().interact_size.y;
+    let left = egui::Layout::left_to_right(egui::Align::Center);
+    let name = ui.allocate_ui_with_layout(egui::vec2(96.0, height), left, |ui| {
+        ui.set_min_width(96.0);
+        ui.add(name)
+    });
+    name.inner.on_hover_text(format!("{}: {:?}", structure.name, structure.tissue));
     ui.color_edit_button_srgb(&mut structure.colour).on_hover_text("Colour, sRGB");
     let hardness = egui::DragValue::new(&mut structure.hardness).speed(0.01).range(0.001..=100.0).max_decimals(3);
     ui.add(hardness).on_hover_text("Hardness as a multiple of cortical bone");
