@@ -33,6 +33,7 @@
 #![allow(clippy::too_many_arguments, clippy::type_complexity)]
 #![warn(missing_docs)]
 
+pub mod checkpoint;
 pub mod deform;
 pub mod diagnostics;
 mod files;

@@ -10,6 +10,8 @@ mod logs;
 mod ready;
 #[path = "scenario/replays.rs"]
 mod replays;
+#[path = "scenario/seeking.rs"]
+mod seeking;
 
 use bevy_surgery::scenario::log::{EndRecord, RunLog};
 use bevy_surgery::scenario::scripted::{ScriptedHand, Skill};

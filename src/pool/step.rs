@@ -25,7 +25,7 @@ const RIM_STEPS: u64 = 6;
 const JET_REACH_M: f32 = 0.05;
 
 /// What the level and the mask were last made of.
-#[derive(Component, Default)]
+#[derive(Component, Clone, Default)]
 pub(super) struct Shown {
     columns: u64,
     rim_columns: u64,

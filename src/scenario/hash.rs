@@ -7,7 +7,7 @@ use bevy::prelude::*;
 use blake3::Hasher;
 
 /// The chain so far.
-#[derive(Default)]
+#[derive(Clone, Default)]
 pub(super) struct HashChain {
     before: [u8; 32],
     step: Hasher,

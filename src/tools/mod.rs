@@ -59,6 +59,7 @@ pub use state::ToolState;
 pub use tool::{DrillHead, Electrodes, Jaws, Tool, ToolGeometry, ToolHand, ToolKind};
 pub use work::ToolWork;
 
+use crate::checkpoint::KeepState;
 use crate::deform::elastic::{BodyContact, GraspBody, GraspSlipped, PressBody, TissueTorn};
 use crate::organ::OrganModel;
 use crate::pool::TreatBleeders;
@@ -112,6 +113,13 @@ impl Plugin for ToolsPlugin {
             .register_type::<ToolForce>()
             .register_type::<BodyForce>()
             .register_type::<ToolWork>();
+        app.keep_component::<ToolPose>()
+            .keep_component::<ToolCommand>()
+            .keep_component::<ToolMotion>()
+            .keep_component::<ToolState>()
+            .keep_component::<ToolForce>()
+            .keep_component::<ToolContacts>()
+            .keep_component::<ToolWork>();
         pose::build(app);
         contact::build(app);
         act::build(app);

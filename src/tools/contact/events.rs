@@ -5,6 +5,7 @@
 //! between at a bounded rate.
 
 use super::{Contact, ToolContacts, ToolPart};
+use crate::checkpoint::KeepState;
 use crate::tools::{Tool, TouchTools};
 use bevy::prelude::*;
 use serde::{Deserialize, Serialize};
@@ -47,7 +48,12 @@ impl Default for ContactEvents {
     }
 }
 
+/// What was told of contacts that last.
+#[derive(Resource, Clone, Default)]
+struct ToldContacts(BTreeMap<(Entity, Entity, ToolPart), Told>);
+
 /// What was told of a contact.
+#[derive(Clone)]
 struct Told {
     contact: Contact,
     since_s: f32,
@@ -59,6 +65,8 @@ pub(super) fn build(app: &mut App) {
         .register_type::<ContactPhase>()
         .register_type::<ToolTouched>()
         .add_message::<ToolTouched>()
+        .init_resource::<ToldContacts>()
+        .keep_resource::<ToldContacts>()
         .add_systems(FixedUpdate, tell.in_set(TouchTools::Tell));
 }
 
@@ -67,8 +75,9 @@ fn tell(
     settings: Res<ContactEvents>,
     time: Res<Time>,
     mut touched: MessageWriter<ToolTouched>,
-    mut told: Local<BTreeMap<(Entity, Entity, ToolPart), Told>>,
+    mut told: ResMut<ToldContacts>,
 ) {
+    let told = &mut told.0;
     for told in told.values_mut() {
         told.since_s += time.delta_secs();
     }
