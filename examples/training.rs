@@ -29,6 +29,8 @@ use std::process::ExitCode;
 
 /// Steps of a run that has no limit, where nobody is there to end it.
 const MOST_STEPS: u32 = 10 * 60 * 60;
+/// Steps in which its scene is made, at most; nothing happens in them.
+const MOST_WAITING: u32 = 6000;
 
 fn main() -> ExitCode {
     common::main_with(
@@ -40,7 +42,7 @@ fn main() -> ExitCode {
                 Ok(run) => {
                     let is_led = run.is_replaying();
                     let limit_s = run.scenario().time_limit_s;
-                    let most = limit_s.map_or(MOST_STEPS, |limit_s| (limit_s * 60.0) as u32 + 60);
+                    let most = limit_s.map_or(MOST_STEPS, |limit_s| (limit_s * 60.0) as u32 + MOST_WAITING);
                     app.insert_resource(StepsLeft(args.frames.unwrap_or(most)));
                     let skill = match (args.expert, args.novice) {
                         (true, _) => Some(Skill::EXPERT),
@@ -113,7 +115,8 @@ fn finish(run: Res<ScenarioRun>, args: Res<Args>, mut steps: ResMut<StepsLeft>, 
             format!("{:?} after {:.1} s: {:.0} of 100 points, {passed}", end.reason, run.time_s(), end.score)
         }
         RunPhase::Refused(_) => String::new(),
-        _ => return,
+        RunPhase::Waiting => return std::thread::sleep(std::time::Duration::from_millis(1)),
+        RunPhase::Running => return,
     };
     steps.0 = 0;
     if !*told && !words.is_empty() {

@@ -40,12 +40,14 @@ mod files;
 pub mod gravity;
 pub mod haptics;
 pub mod highlights;
+mod order;
 pub mod organ;
 pub mod pacing;
 #[cfg(feature = "panels")]
 pub mod panels;
 pub mod pool;
 pub mod reactions;
+mod ready;
 #[cfg(feature = "render")]
 pub mod render;
 pub mod scenario;

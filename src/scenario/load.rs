@@ -1,7 +1,9 @@
 //! Scenarios from files, and what they may say.
 
 use super::error::{ScenarioError, nearest_spelling};
-use super::{Goal, GoalKind, Lesion, PatientEvent, PatientEventKind, Rule, RuleKind, SCENARIO_VERSION, Scenario};
+use super::{
+    Goal, GoalKind, Lesion, PatientEvent, PatientEventKind, Rule, RuleKind, SCENARIO_VERSION, Scenario, ScenarioScene,
+};
 use bevy::asset::io::Reader;
 use bevy::asset::{AssetLoader, LoadContext};
 use bevy::prelude::*;
@@ -10,6 +12,8 @@ use std::path::Path;
 
 /// Largest file that is read, bytes.
 const MOST_BYTES: usize = 4 << 20;
+/// What files of saved worlds end in.
+const WORLD_ENDING: &str = ".surgery.scn.ron";
 /// Most goals, rules and lesions.
 const MOST: usize = 10_000;
 
@@ -76,6 +80,11 @@ impl Scenario {
         check.of(!self.goals.is_empty(), "goals", || "there are none: nothing could be reached".into())?;
         for (what, count) in [("goals", self.goals.len()), ("rules", self.rules.len()), ("tools", self.tools.len())] {
             check.of(count <= MOST, what, || format!("{count} are too many"))?;
+        }
+        if let ScenarioScene::World(path) = &self.scene {
+            check.of(path.ends_with(WORLD_ENDING), "scene", || {
+                format!("the world {path:?} is no saved one: their files end in {WORLD_ENDING}")
+            })?;
         }
         check.between(self.patient.amount, 0.0, 1.0, "patient: amount")?;
         check.between(self.pass_score, 0.0, 100.0, "pass_score")?;

@@ -5,6 +5,7 @@ use super::judge::{Facts, GoalState, Judge, RuleState};
 use super::log::{CameraRecord, EndRecord, LogBranch, LogEntry, LogError, LogHeader, LogRecord, LogWriter, RunLog};
 use super::observe::Observed;
 use super::replay::Replay;
+use super::scene::SceneState;
 use super::seek::{Checkpoints, Seek};
 use super::{Scenario, ScenarioError};
 use bevy::prelude::*;
@@ -27,8 +28,7 @@ pub struct ScenarioRun {
     pub(super) branch: Option<LogBranch>,
     pub(super) phase: RunPhase,
     pub(super) is_stopped: bool,
-    /// Whether its scene was spawned.
-    pub(super) has_scene: bool,
+    pub(super) scene: SceneState,
     pub(super) step: u64,
     pub(super) steps_per_second: f64,
     pub(super) judge: Judge,
@@ -78,7 +78,7 @@ impl ScenarioRun {
             branch: None,
             phase: RunPhase::Waiting,
             is_stopped: false,
-            has_scene: false,
+            scene: SceneState::default(),
             step: 0,
             steps_per_second: 0.0,
             judge,

@@ -5,7 +5,7 @@ use super::log::{CameraRecord, EndReason, HashRecord, LOG_VERSION, LogEntry, Log
 use super::observe::{self, Events, Scene};
 use super::patient::let_happen;
 use super::replay::lead_tools;
-use super::scene::spawn_scene;
+use super::scene::{SceneState, spawn_scene, spawn_tools};
 use super::seek::{keep_checkpoint, seek};
 use super::{RunPhase, ScenarioError, ScenarioRun};
 use crate::checkpoint::BeginMessages;
@@ -50,7 +50,7 @@ pub(super) fn build(app: &mut App) {
         .add_systems(
             FixedUpdate,
             (
-                (spawn_scene, begin, keep_checkpoint).chain().in_set(ScenarioSystems::Begin),
+                (spawn_scene, spawn_tools, begin, keep_checkpoint).chain().in_set(ScenarioSystems::Begin),
                 (lead_tools, let_happen).chain().in_set(ScenarioSystems::Lead),
                 (judge, guide).chain().in_set(ScenarioSystems::Judge),
             )
@@ -65,7 +65,7 @@ pub(super) fn build(app: &mut App) {
 }
 
 fn begin(run: ResMut<ScenarioRun>, scene: Scene, mut events: Events, time: Res<Time<Fixed>>) {
-    if run.phase != RunPhase::Waiting || !scene.is_ready() {
+    if run.phase != RunPhase::Waiting || run.scene != SceneState::There || !scene.is_ready() {
         return;
     }
     let run = run.into_inner();
@@ -121,7 +121,7 @@ fn other_rate(run: &ScenarioRun) -> Option<ScenarioError> {
     })
 }
 
-fn refuse(run: &mut ScenarioRun, fault: ScenarioError) {
+pub(super) fn refuse(run: &mut ScenarioRun, fault: ScenarioError) {
     tracing::error!("{fault}");
     run.phase = RunPhase::Refused(fault);
 }

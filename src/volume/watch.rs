@@ -40,6 +40,7 @@ struct Measured {
 pub(super) fn build(app: &mut App) {
     app.register_type::<WatchCritical>()
         .register_type::<CriticalDistances>()
+        .keep_component::<Measured>()
         .keep_large_component(|of: &CriticalDistances| of.fields().iter().map(StructureDistance::bytes).sum())
         .add_systems(PreUpdate, measure.after(PrepareCuts))
         .add_systems(FixedUpdate, follow_cuts.in_set(SurgerySystems::Cut).after(DrillVolumes));

@@ -1,7 +1,7 @@
 //! Going to any moment of a replay: whatever way led there, what follows is the same to the bit.
 
 use super::ready::expert_run;
-use super::{short_run, short_scenario};
+use super::{begin, short_run, short_scenario};
 use bevy::prelude::*;
 use bevy::time::TimeUpdateStrategy;
 use bevy_surgery::checkpoint::KeepState;
@@ -23,15 +23,9 @@ fn begun(mut app: TestApp, run: ScenarioRun) -> TestApp {
     app.init_resource::<Seen>()
         .add_systems(FixedUpdate, watch.in_set(SurgerySystems::Judge).after(ScenarioSystems::Judge))
         .insert_resource(run.kept());
-    for _ in 0..600 {
-        app.step(1);
-        match run_of(&app).phase() {
-            RunPhase::Running => return app,
-            RunPhase::Refused(fault) => panic!("{fault}"),
-            _ => std::thread::sleep(Duration::from_millis(1)),
-        }
-    }
-    panic!("it never began");
+    begin(&mut app);
+    assert_eq!(*run_of(&app).phase(), RunPhase::Running);
+    app
 }
 
 fn run_of(app: &TestApp) -> &ScenarioRun {
