@@ -6,7 +6,7 @@
 
 use super::{Contact, ToolContacts, ToolPart};
 use crate::checkpoint::KeepState;
-use crate::tools::{Tool, TouchTools};
+use crate::tools::{Tool, ToolOrder, TouchTools};
 use bevy::prelude::*;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
@@ -71,6 +71,7 @@ pub(super) fn build(app: &mut App) {
 }
 
 fn tell(
+    order: Res<ToolOrder>,
     tools: Query<(Entity, &ToolContacts), With<Tool>>,
     settings: Res<ContactEvents>,
     time: Res<Time>,
@@ -81,7 +82,7 @@ fn tell(
     for told in told.values_mut() {
         told.since_s += time.delta_secs();
     }
-    for (tool, contacts) in &tools {
+    for (tool, contacts) in tools.iter_many(&order.0) {
         for &contact in &contacts.list {
             let phase = match told.get_mut(&(tool, contact.body, contact.part)) {
                 None => {
