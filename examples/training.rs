@@ -1,7 +1,8 @@
 //! A scenario performed and judged: by you, or by a hand that can (`--expert`) or cannot (`--novice`) do it.
 //!
 //! `--scenario` names a ready one or a file; without it there is a list. 1 to 9 choose the instrument that the mouse (or `--device`)
-//! holds; the left button is the pedal, the wheel reaches in and out, the right button is the second pedal. G switches the guidance, Escape ends the run.
+//! holds; the left button is the pedal, the wheel reaches in and out, the right button is the second pedal. B puts the next burr on, G
+//! switches the guidance, Escape ends the run.
 //! `--record FILE` writes the run down, `--replay FILE` performs it again, and with `--retry-at SECONDS` it goes on from there with
 //! your hand. When it is over, its report is written beside those of earlier runs (`out/training/run-1.html`, `.csv`, `.json`, or in
 //! `--out`), and compared with them.

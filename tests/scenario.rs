@@ -1,5 +1,9 @@
 //! Scenarios: files, judging, logs, runs and their replay.
 
+#[path = "scenario/burrs.rs"]
+mod burrs;
+#[path = "scenario/documented.rs"]
+mod documented;
 #[path = "scenario/files.rs"]
 mod files;
 #[path = "scenario/judging.rs"]

@@ -174,9 +174,12 @@ pub(super) fn keep_checkpoint(world: &mut World) {
     if !is_due || !run.checkpoints.wants(run.step, run.steps_per_second) {
         return;
     }
+    let begun = Instant::now();
     let state = run.state();
     let copy = Checkpoint::take(world);
     let bytes = copy.bytes() + state.observed.as_ref().map_or(0, Observed::bytes);
+    let taken_ms = begun.elapsed().as_secs_f64() * 1e3;
+    tracing::debug!("checkpoint before step {}: {} KiB in {taken_ms:.1} ms", state.step, bytes >> 10);
     if let Some(mut run) = world.get_resource_mut::<ScenarioRun>() {
         run.checkpoints.add(Moment { run: state, world: copy, bytes });
     }
@@ -237,4 +240,61 @@ fn perform_step(world: &mut World) {
     *world.resource_mut::<Time>() = world.resource::<Time<Fixed>>().as_generic();
     world.run_schedule(FixedMain);
     set_performing(world, false);
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::Scenario;
+    use super::*;
+
+    fn moment(step: u64, bytes: usize) -> Moment {
+        let text = r#"(version: 1, name: "a", goals: [(id: "b", kind: Reach(structure: "c", within_m: 0.0))])"#;
+        let scenario = Scenario::from_bytes(text.as_bytes(), "a").expect("it is good");
+        let run = RunState { step, ..ScenarioRun::new(scenario).state() };
+        Moment { run, world: Checkpoint::take(&mut World::new()), bytes }
+    }
+
+    fn steps(of: &Checkpoints) -> Vec<u64> {
+        of.list.iter().map(|moment| moment.run.step).collect()
+    }
+
+    /// Those of a run at 60 steps a second.
+    fn of_run(seconds: u64, bytes: usize) -> Checkpoints {
+        let mut kept = Checkpoints::default();
+        for step in 0..=seconds * 60 {
+            if kept.wants(step, 60.0) {
+                kept.add(moment(step, bytes));
+            }
+        }
+        kept
+    }
+
+    #[test]
+    fn they_are_bounded_in_number_and_in_bytes() {
+        assert_eq!(steps(&of_run(20, 1)), [0, 240, 480, 720, 960, 1200]);
+        let long = of_run(3600, 1);
+        let kept = steps(&long);
+        assert!((MOST / 2..=MOST).contains(&kept.len()), "{}", kept.len());
+        assert_eq!(long.every_s, 64.0);
+        // Evenly, from the beginning on.
+        assert!(kept.iter().enumerate().all(|(place, step)| *step == place as u64 * 64 * 60), "{kept:?}");
+        let large = of_run(600, MOST_BYTES / 5);
+        assert!((3..=5).contains(&large.list.len()) && steps(&large)[0] == 0, "{:?}", steps(&large));
+        assert!(large.bytes() <= MOST_BYTES);
+        // Of those that are each too large the first stays: the way from the beginning is always there.
+        assert_eq!(steps(&of_run(60, 2 * MOST_BYTES)), [0]);
+    }
+
+    #[test]
+    fn the_nearest_before_is_taken_if_it_is_worth_it() {
+        let kept = of_run(20, 1);
+        let nearest = |target, now| kept.nearest(target, now).map(|moment| moment.run.step);
+        assert_eq!(nearest(500, 1200), Some(480), "backwards");
+        assert_eq!(nearest(480, 480), None, "it is there");
+        assert_eq!(nearest(479, 480), Some(240));
+        assert_eq!(nearest(700, 490), None, "forwards from where it is");
+        assert_eq!(nearest(730, 490), Some(720), "forwards over one that has been performed");
+        assert_eq!(nearest(5000, 490), Some(1200));
+        assert!(Checkpoints::default().nearest(5, 9).is_none());
+    }
 }
