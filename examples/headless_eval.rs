@@ -123,6 +123,8 @@ fn one(args: &Args, number: usize) -> Result<Row, String> {
         match run.phase() {
             RunPhase::Refused(fault) => return Err(fault.to_string()),
             RunPhase::Ended(_) => break run.log().cloned(),
+            // Organs and volumes are made off the main thread.
+            RunPhase::Waiting => std::thread::sleep(std::time::Duration::from_millis(1)),
             _ => {}
         }
     };

@@ -1,7 +1,8 @@
 //! A scenario performed and judged: by you, or by a hand that can (`--expert`) or cannot (`--novice`) do it.
 //!
 //! `--scenario` names a ready one or a file; without it there is a list. 1 to 9 choose the instrument that the mouse (or `--device`)
-//! holds; the left button is the pedal, the wheel reaches in and out, the right button is the second pedal. G switches the guidance, Escape ends the run.
+//! holds; the left button is the pedal, the wheel reaches in and out, the right button is the second pedal. B puts the next burr on, G
+//! switches the guidance, Escape ends the run.
 //! `--record FILE` writes the run down, `--replay FILE` performs it again, and with `--retry-at SECONDS` it goes on from there with
 //! your hand. When it is over, its report is written beside those of earlier runs (`out/training/run-1.html`, `.csv`, `.json`, or in
 //! `--out`), and compared with them.
@@ -29,6 +30,8 @@ use std::process::ExitCode;
 
 /// Steps of a run that has no limit, where nobody is there to end it.
 const MOST_STEPS: u32 = 10 * 60 * 60;
+/// Steps in which its scene is made, at most; nothing happens in them.
+const MOST_WAITING: u32 = 6000;
 
 fn main() -> ExitCode {
     common::main_with(
@@ -40,7 +43,7 @@ fn main() -> ExitCode {
                 Ok(run) => {
                     let is_led = run.is_replaying();
                     let limit_s = run.scenario().time_limit_s;
-                    let most = limit_s.map_or(MOST_STEPS, |limit_s| (limit_s * 60.0) as u32 + 60);
+                    let most = limit_s.map_or(MOST_STEPS, |limit_s| (limit_s * 60.0) as u32 + MOST_WAITING);
                     app.insert_resource(StepsLeft(args.frames.unwrap_or(most)));
                     let skill = match (args.expert, args.novice) {
                         (true, _) => Some(Skill::EXPERT),
@@ -113,7 +116,8 @@ fn finish(run: Res<ScenarioRun>, args: Res<Args>, mut steps: ResMut<StepsLeft>, 
             format!("{:?} after {:.1} s: {:.0} of 100 points, {passed}", end.reason, run.time_s(), end.score)
         }
         RunPhase::Refused(_) => String::new(),
-        _ => return,
+        RunPhase::Waiting => return std::thread::sleep(std::time::Duration::from_millis(1)),
+        RunPhase::Running => return,
     };
     steps.0 = 0;
     if !*told && !words.is_empty() {

@@ -33,18 +33,21 @@
 #![allow(clippy::too_many_arguments, clippy::type_complexity)]
 #![warn(missing_docs)]
 
+pub mod checkpoint;
 pub mod deform;
 pub mod diagnostics;
 mod files;
 pub mod gravity;
 pub mod haptics;
 pub mod highlights;
+mod order;
 pub mod organ;
 pub mod pacing;
 #[cfg(feature = "panels")]
 pub mod panels;
 pub mod pool;
 pub mod reactions;
+mod ready;
 #[cfg(feature = "render")]
 pub mod render;
 pub mod scenario;

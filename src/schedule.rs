@@ -53,6 +53,7 @@ impl Plugin for SurgerySchedulePlugin {
     fn build(&self, app: &mut App) {
         use SurgerySystems::{Cut, Deform, Flow, Judge, Publish, React, Sense, Touch};
         app.register_type::<SurgerySystems>();
+        app.configure_sets(FixedUpdate, crate::checkpoint::BeginMessages.before(Sense));
         app.configure_sets(FixedUpdate, (Sense, Touch, Cut, Deform, React, Flow, Judge, Publish).chain());
         let bevys_own = Time::<Fixed>::default().timestep();
         let current = app.world().get_resource::<Time<Fixed>>().map(Time::<Fixed>::timestep);

@@ -1,5 +1,6 @@
 //! The models without a renderer: these tests run with `--no-default-features` too.
 
+mod checkpoint;
 mod deform_animate;
 #[path = "deform_elastic.rs"]
 mod deform_elastic;

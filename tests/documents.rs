@@ -6,7 +6,7 @@ use std::path::Path;
 fn pictures_and_links_of_the_documents_exist() {
     let root = Path::new(env!("CARGO_MANIFEST_DIR"));
     let mut links = 0;
-    for document in ["README.md", "ARCHITECTURE.md", "CONTRIBUTING.md", "CHANGELOG.md"] {
+    for document in ["README.md", "ARCHITECTURE.md", "CONTRIBUTING.md", "CHANGELOG.md", "docs/run-log.md"] {
         let text = std::fs::read_to_string(root.join(document)).expect("a document of the crate");
         assert!(!text.contains("@@"), "{document}: a figure is still missing");
         for link in text.split("](").skip(1).filter_map(|rest| rest.split(')').next()) {

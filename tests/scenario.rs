@@ -1,5 +1,9 @@
 //! Scenarios: files, judging, logs, runs and their replay.
 
+#[path = "scenario/burrs.rs"]
+mod burrs;
+#[path = "scenario/documented.rs"]
+mod documented;
 #[path = "scenario/files.rs"]
 mod files;
 #[path = "scenario/judging.rs"]
@@ -10,12 +14,31 @@ mod logs;
 mod ready;
 #[path = "scenario/replays.rs"]
 mod replays;
+#[path = "scenario/seeking.rs"]
+mod seeking;
+#[cfg(feature = "scenes")]
+#[path = "scenario/worlds.rs"]
+mod worlds;
 
 use bevy_surgery::scenario::log::{EndRecord, RunLog};
 use bevy_surgery::scenario::scripted::{ScriptedHand, Skill};
 use bevy_surgery::scenario::{RunPhase, Scenario, ScenarioRun};
 use bevy_surgery::testing::TestApp;
 use std::sync::OnceLock;
+use std::time::Duration;
+
+/// Steps until the scene of a run is there, and its first step is done; or until it is refused.
+fn begin(app: &mut TestApp) {
+    for _ in 0..60_000 {
+        app.step(1);
+        if *app.world().resource::<ScenarioRun>().phase() != RunPhase::Waiting {
+            return;
+        }
+        // Organs and volumes are made off the main thread.
+        std::thread::sleep(Duration::from_millis(1));
+    }
+    panic!("its scene never came");
+}
 
 /// Performs a run to its end: its hand, or that of its log.
 fn perform(run: ScenarioRun, skill: Option<Skill>) -> (EndRecord, RunLog) {
@@ -24,8 +47,8 @@ fn perform(run: ScenarioRun, skill: Option<Skill>) -> (EndRecord, RunLog) {
         app.insert_resource(ScriptedHand::new(skill, run.seed()));
     }
     app.insert_resource(run.kept());
+    begin(&mut app);
     for _ in 0..200 * 60 {
-        app.step(1);
         let run = app.world().resource::<ScenarioRun>();
         match run.phase() {
             RunPhase::Refused(fault) => panic!("{fault}"),
@@ -33,7 +56,7 @@ fn perform(run: ScenarioRun, skill: Option<Skill>) -> (EndRecord, RunLog) {
                 assert_eq!(run.diverged_s(), None);
                 return (end.clone(), run.log().expect("it is kept").clone());
             }
-            _ => {}
+            _ => app.step(1),
         }
     }
     panic!("it never ended");

@@ -2,12 +2,16 @@
 
 #[path = "tools/acts.rs"]
 mod acts;
+#[path = "tools/burrs.rs"]
+mod burrs;
 #[path = "tools/contacts.rs"]
 mod contacts;
 #[path = "tools/devices.rs"]
 mod devices;
 #[path = "tools/drilling.rs"]
 mod drilling;
+#[path = "tools/order.rs"]
+mod order;
 #[path = "tools/sessions.rs"]
 mod sessions;
 

@@ -92,6 +92,7 @@ fn hold(
     mut mouse: ResMut<Mouse>,
     run: Res<ScenarioRun>,
     buttons: Res<ButtonInput<MouseButton>>,
+    keys: Res<ButtonInput<KeyCode>>,
     windows: Query<&Window, With<PrimaryWindow>>,
     eyes: Query<(&Camera, &GlobalTransform), With<ScenarioEye>>,
     mut tools: Query<(&Name, &mut ToolPose, &mut ToolCommand), (With<Tool>, Without<HoldDevice>)>,
@@ -112,6 +113,6 @@ fn hold(
         *pose = ToolPose::with_shaft_towards(tip_m, tip_m + back);
         let share = |button| f32::from(u8::from(buttons.pressed(button)));
         let (pedal, second_pedal) = (share(MouseButton::Left), share(MouseButton::Right));
-        *command = ToolCommand { pedal, second_pedal, grip: pedal };
+        *command = ToolCommand { pedal, second_pedal, grip: pedal, next_burr: keys.pressed(KeyCode::KeyB) };
     }
 }

@@ -7,6 +7,7 @@ use super::DeformBodies;
 use super::elastic::{ElasticBody, ElasticCell, ElasticError, ElasticTissue, Embedded, StepBodies, inverse};
 use super::error::LatticeError;
 use super::lattice::{DeformLattice, Patch, Tree};
+use crate::checkpoint::KeepState;
 use crate::organ::pick::OrganPicker;
 use crate::organ::{Organ, OrganModel, OrganShape, ShapeOrgans};
 use bevy::prelude::*;
@@ -109,14 +110,17 @@ impl OrganRide {
 }
 
 pub(super) fn build(app: &mut App) {
-    app.register_type::<OrganRide>().add_systems(PreUpdate, add_rides.after(ShapeOrgans)).add_systems(
-        FixedUpdate,
-        (move_with_bodies, move_with_lattices)
-            .chain()
-            .after(StepBodies)
-            .in_set(DeformBodies)
-            .run_if(resource_exists::<Assets<OrganModel>>),
-    );
+    app.register_type::<OrganRide>()
+        .keep_large_component(|ride: &OrganRide| size_of_val(ride.vertices.as_slice()))
+        .add_systems(PreUpdate, add_rides.after(ShapeOrgans))
+        .add_systems(
+            FixedUpdate,
+            (move_with_bodies, move_with_lattices)
+                .chain()
+                .after(StepBodies)
+                .in_set(DeformBodies)
+                .run_if(resource_exists::<Assets<OrganModel>>),
+        );
 }
 
 fn add_rides(

@@ -1,6 +1,7 @@
 //! What deforms, in an app.
 
 use super::{AffineField, DeformLattice, FitReport, LatticeError, NormalDeformation, Patch, Subdivision, lattice};
+use crate::checkpoint::KeepState;
 use crate::schedule::SurgerySystems;
 use bevy::prelude::*;
 
@@ -27,6 +28,7 @@ impl Plugin for DeformPlugin {
             .register_type::<lattice::Tree>()
             .register_type::<AffineField>()
             .register_type::<NormalDeformation>()
-            .register_type::<FitReport>();
+            .register_type::<FitReport>()
+            .keep_large_component(|lattice: &DeformLattice| size_of_val(lattice.translations()) * 16);
     }
 }

@@ -4,6 +4,7 @@
 use super::pick::OrganPicker;
 use super::shape::follow_moved_vertices;
 use super::{Organ, OrganModel, OrganShape, ShapeOrgans, SurfacePoint};
+use crate::checkpoint::KeepState;
 use crate::schedule::SurgerySystems;
 use bevy::ecs::system::SystemParam;
 use bevy::math::DVec3;
@@ -87,6 +88,8 @@ impl OrganPicking<'_, '_> {
 
 pub(super) fn build(app: &mut App) {
     app.register_type::<OrganHit>()
+        // The faces, their corners, and about as much for the tree over them.
+        .keep_large_component(|picker: &OrganPicker| picker.face_count() * 96)
         .add_systems(PreUpdate, build_pickers.after(ShapeOrgans))
         // After the step's last movement; rays are cast from the next step's first stages on.
         .add_systems(FixedUpdate, refit_pickers.after(follow_moved_vertices).in_set(SurgerySystems::Publish));

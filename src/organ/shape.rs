@@ -2,6 +2,7 @@
 
 use super::OrganModel;
 use super::mesh::vertex_normals_into;
+use crate::checkpoint::KeepState;
 use crate::schedule::SurgerySystems;
 use bevy::prelude::*;
 
@@ -89,6 +90,7 @@ pub(super) fn build(app: &mut App) {
     app.register_type::<Organ>()
         .register_type::<OrganShape>()
         .register_type::<Hollow>()
+        .keep_large_component(|shape: &OrganShape| size_of_val(shape.positions_m()) + size_of_val(shape.normals()))
         .add_systems(PreUpdate, shape_loaded_organs.in_set(ShapeOrgans))
         .add_systems(FixedUpdate, follow_moved_vertices.in_set(SurgerySystems::Publish));
 }

@@ -2,6 +2,7 @@
 //! have no pressure left.
 
 use super::Pool;
+use crate::checkpoint::KeepState;
 use crate::schedule::SurgerySystems;
 use crate::volume::structures::Tissue;
 use crate::volume::{CtVolume, Volume, VoxelsRemoved};
@@ -163,6 +164,7 @@ pub(super) fn build(app: &mut App) {
         .register_type::<VesselOpened>()
         .add_message::<TreatBleeders>()
         .add_message::<VesselOpened>()
+        .keep_births::<Bleeder>()
         .add_systems(FixedUpdate, (open_vessels, treat).chain().in_set(SurgerySystems::React));
 }
 

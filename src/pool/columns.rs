@@ -12,7 +12,7 @@ use std::sync::Arc;
 use tracing::error;
 
 /// What a pool's columns were measured of.
-#[derive(Component)]
+#[derive(Component, Clone)]
 pub(super) struct Measured {
     structures: Arc<Structures>,
     volume_from_pool: Affine3A,

@@ -43,6 +43,7 @@ pub use source::{FLOW_REACH, FluidAction, FluidSource, MAX_SOURCES, SOURCE_REACH
 pub use surface::{PoolSurface, SURFACE_TILE};
 pub use water::{PoolLevel, WaterBudget};
 
+use crate::checkpoint::KeepState;
 use crate::gravity::SurgeryGravity;
 use crate::schedule::SurgerySystems;
 use bevy::prelude::*;
@@ -84,7 +85,17 @@ impl Plugin for PoolPlugin {
             .register_type::<SuctionState>()
             .register_type::<SuctionGurgled>()
             .add_message::<SuctionGurgled>();
-        app.init_resource::<SurgeryGravity>();
+        app.init_resource::<SurgeryGravity>()
+            .keep_component::<columns::Measured>()
+            .keep_component::<step::Shown>()
+            // Heights as they were and as they are; velocities, pressure and what is dissolved, each with room for the next state.
+            .keep_large_component(|cavity: &Cavity| cavity.grid().count() * 8)
+            .keep_large_component(|fluid: &FluidSolver| fluid.grid().count() * 56)
+            .keep_large_component(|surface: &PoolSurface| size_of_val(surface.texels.as_slice()))
+            .keep_component::<PoolState>()
+            .keep_component::<WaterBudget>()
+            .keep_component::<SuctionIrrigator>()
+            .keep_component::<SuctionState>();
         backend::build(app);
         bleeding::build(app);
         app.add_systems(

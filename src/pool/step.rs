@@ -9,6 +9,7 @@ use super::{
     Cavity, Dissolved, FluidAction, FluidSolver, FluidSource, PoolLevel, PoolSurface, SolverSettings, WaterBudget,
 };
 use crate::gravity::SurgeryGravity;
+use crate::order::by_name;
 use crate::volume::structures::Tissue;
 use crate::volume::{CtVolume, DrillVolume, Volume, VoxelsRemoved};
 use bevy::ecs::system::SystemParam;
@@ -25,7 +26,7 @@ const RIM_STEPS: u64 = 6;
 const JET_REACH_M: f32 = 0.05;
 
 /// What the level and the mask were last made of.
-#[derive(Component, Default)]
+#[derive(Component, Clone, Default)]
 pub(super) struct Shown {
     columns: u64,
     rim_columns: u64,
@@ -47,7 +48,7 @@ type Flowing = (
     &'static mut PoolSurface,
     OnGpu,
 );
-type Tool = (Entity, &'static SuctionIrrigator, &'static mut SuctionState);
+type Tool = (&'static SuctionIrrigator, &'static mut SuctionState);
 
 /// What acts on pools.
 #[derive(SystemParam)]
@@ -55,6 +56,7 @@ pub(super) struct Acting<'w, 's> {
     burrs: MessageReader<'w, 's, DrillVolume>,
     removals: MessageReader<'w, 's, VoxelsRemoved>,
     tools: Query<'w, 's, Tool>,
+    names: Query<'w, 's, (Entity, Option<&'static Name>), With<SuctionIrrigator>>,
     bleeders: Query<'w, 's, (Entity, &'static mut Bleeder)>,
     places: TransformHelper<'w, 's>,
     bodies: Query<'w, 's, &'static CtVolume>,
@@ -247,9 +249,10 @@ pub(super) fn flow(mut pools: Query<Flowing>, mut acting: Acting, time: Res<Time
     }
     let burrs: Vec<DrillVolume> = acting.burrs.read().cloned().collect();
     let removals: Vec<VoxelsRemoved> = acting.removals.read().cloned().collect();
-    for (_, _, mut suction) in &mut acting.tools {
+    for (_, mut suction) in &mut acting.tools {
         suction.set_if_neq(SuctionState::default());
     }
+    let irrigators = by_name(acting.names.iter());
     for (
         entity,
         pool,
@@ -291,7 +294,8 @@ pub(super) fn flow(mut pools: Query<Flowing>, mut acting: Acting, time: Res<Time
             let oozing_ml = oozing_ml(removal, rules, &acting.bodies, &acting.volumes);
             step.remove(removal, oozing_ml, mixing);
         }
-        for (tool, irrigator, mut suction) in &mut acting.tools {
+        for &tool in &irrigators {
+            let Ok((irrigator, mut suction)) = acting.tools.get_mut(tool) else { continue };
             let Ok(place) = acting.places.compute_global_transform(tool) else { continue };
             let took = step.irrigate_and_suck(irrigator, &place);
             if took != SuctionState::default() {

@@ -4,6 +4,7 @@ use super::action::OrganTouch;
 use super::kind::ReactionKinds;
 use super::model::{ReactionEvent, ReactionModel, StepContext, Touch};
 use super::settings::{ReactionFault, Reactions};
+use crate::checkpoint::KeepState;
 use crate::gravity::SurgeryGravity;
 use crate::organ::{Hollow, Organ, OrganModel, OrganShape, ShapeOrgans};
 use crate::schedule::SurgerySystems;
@@ -29,6 +30,7 @@ pub(super) fn build(app: &mut App) {
         .add_message::<OrganTouch>()
         .add_message::<OrganReacted>()
         .add_observer(end_model)
+        .keep_large_component(ReactionModel::bytes)
         .add_systems(PreUpdate, begin_models.after(ShapeOrgans).run_if(resource_exists::<Assets<OrganModel>>))
         .add_systems(FixedUpdate, react.in_set(SurgerySystems::React).run_if(resource_exists::<Assets<OrganModel>>));
 }

@@ -67,7 +67,8 @@ pub enum ScenarioScene {
     Liver,
     /// The phantom of a temporal bone, under a pool.
     TemporalBone,
-    /// A saved world, `.scn.ron`, by its asset path.
+    /// A saved world ([`scene_text`](crate::scenes::scene_text)) by its asset path, a file that ends in `.surgery.scn.ron`. Tools of the
+    /// scenario that it holds are those. Needs the feature `scenes`.
     World(String),
 }
 

@@ -7,7 +7,7 @@ use bevy::prelude::*;
 use blake3::Hasher;
 
 /// The chain so far.
-#[derive(Default)]
+#[derive(Clone, Default)]
 pub(super) struct HashChain {
     before: [u8; 32],
     step: Hasher,
@@ -41,6 +41,10 @@ impl HashChain {
                 numbers(hasher, to.world_from_tool.to_array());
             }
             numbers(hasher, [command.pedal, command.second_pedal, command.grip]);
+            // Only where it is asked for: runs without it have the hashes that they had before there were other burrs.
+            if command.next_burr {
+                hasher.update(b"next burr");
+            }
             let by_body = observed.bodies.iter().flat_map(|body| contacts.list.iter().filter(|at| at.body == *body));
             for contact in by_body {
                 numbers(hasher, contact.point_world_m.to_array());

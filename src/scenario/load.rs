@@ -1,7 +1,11 @@
 //! Scenarios from files, and what they may say.
 
 use super::error::{ScenarioError, nearest_spelling};
-use super::{Goal, GoalKind, Lesion, PatientEvent, PatientEventKind, Rule, RuleKind, SCENARIO_VERSION, Scenario};
+use super::{
+    Goal, GoalKind, Lesion, PatientEvent, PatientEventKind, Rule, RuleKind, SCENARIO_VERSION, Scenario, ScenarioScene,
+    ScenarioTool,
+};
+use crate::tools::ToolKind;
 use bevy::asset::io::Reader;
 use bevy::asset::{AssetLoader, LoadContext};
 use bevy::prelude::*;
@@ -10,6 +14,10 @@ use std::path::Path;
 
 /// Largest file that is read, bytes.
 const MOST_BYTES: usize = 4 << 20;
+/// Most other burrs of a drill.
+const MOST_BURRS: usize = 32;
+/// What files of saved worlds end in.
+const WORLD_ENDING: &str = ".surgery.scn.ron";
 /// Most goals, rules and lesions.
 const MOST: usize = 10_000;
 
@@ -77,6 +85,11 @@ impl Scenario {
         for (what, count) in [("goals", self.goals.len()), ("rules", self.rules.len()), ("tools", self.tools.len())] {
             check.of(count <= MOST, what, || format!("{count} are too many"))?;
         }
+        if let ScenarioScene::World(path) = &self.scene {
+            check.of(path.ends_with(WORLD_ENDING), "scene", || {
+                format!("the world {path:?} is no saved one: their files end in {WORLD_ENDING}")
+            })?;
+        }
         check.between(self.patient.amount, 0.0, 1.0, "patient: amount")?;
         check.between(self.pass_score, 0.0, 100.0, "pass_score")?;
         if let Some(limit_s) = self.time_limit_s {
@@ -89,6 +102,7 @@ impl Scenario {
         let mut names = BTreeSet::new();
         for tool in &self.tools {
             check.of(names.insert(&tool.name), "tools", || format!("there are two with the name \"{}\"", tool.name))?;
+            check.tool(tool)?;
         }
         let ids: Vec<&str> = self.goals.iter().map(|goal| goal.id.as_str()).collect();
         for (place, goal) in self.goals.iter().enumerate() {
@@ -121,6 +135,19 @@ impl Check<'_> {
 
     fn between(&self, value: f32, least: f32, most: f32, field: &str) -> Result<(), ScenarioError> {
         self.of((least..=most).contains(&value), field, || format!("{value} is not from {least} to {most}"))
+    }
+
+    fn tool(&self, tool: &ScenarioTool) -> Result<(), ScenarioError> {
+        let field = |name: &str| format!("tool \"{}\": {name}", tool.name);
+        let burrs = &tool.tool.burrs;
+        let ToolKind::Drill(head) = tool.tool.kind else {
+            return self.of(burrs.is_empty(), &field("burrs"), || "it is no drill".into());
+        };
+        self.of(burrs.len() <= MOST_BURRS, &field("burrs"), || format!("{} are too many", burrs.len()))?;
+        for (name, burr) in std::iter::once(("burr", &head.burr)).chain(burrs.iter().map(|burr| ("burrs", burr))) {
+            burr.check().or_else(|fault| self.of(false, &field(name), || fault.to_string()))?;
+        }
+        Ok(())
     }
 
     fn event(&self, event: &PatientEvent, field: &str) -> Result<(), ScenarioError> {

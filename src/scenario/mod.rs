@@ -90,6 +90,7 @@ pub mod report;
 mod run;
 mod scene;
 pub mod scripted;
+mod seek;
 mod systems;
 
 pub use asset::{
@@ -105,6 +106,7 @@ pub use run::{RunPhase, ScenarioRun};
 pub use scene::ScenarioPart;
 pub use systems::{ScenarioSystems, ScenarioTold};
 
+use crate::checkpoint::KeepState;
 use bevy::prelude::*;
 
 /// Performs scenarios. See the [module](self).
@@ -118,6 +120,8 @@ impl Plugin for ScenarioPlugin {
             .register_type::<Guide>()
             .register_type::<ScenarioEye>()
             .register_type::<ScenarioPart>()
+            // So that it is where it was.
+            .keep_component::<ScenarioEye>()
             .register_asset_reflect::<Scenario>();
         register(app);
         systems::build(app);

@@ -35,6 +35,21 @@ impl Replay {
         self.until.is_none() && step >= self.last
     }
 
+    /// The step after the last one in which the log leads.
+    pub fn end(&self) -> u64 {
+        self.until.map_or(self.last + 1, |until| until.min(self.last + 1))
+    }
+
+    /// How far in the log it is.
+    pub fn place(&self) -> usize {
+        self.next
+    }
+
+    /// Goes on from a place in the log.
+    pub fn go_to(&mut self, place: usize) {
+        self.next = place;
+    }
+
     /// Steps per second of the log.
     pub fn steps_per_second(&self) -> f64 {
         self.log.header.steps_per_second

@@ -2,9 +2,11 @@
 
 use super::hash::HashChain;
 use super::judge::{Facts, GoalState, Judge, RuleState};
-use super::log::{CameraRecord, EndRecord, LogBranch, LogEntry, LogError, LogHeader, LogWriter, RunLog};
+use super::log::{CameraRecord, EndRecord, LogBranch, LogEntry, LogError, LogHeader, LogRecord, LogWriter, RunLog};
 use super::observe::Observed;
 use super::replay::Replay;
+use super::scene::SceneState;
+use super::seek::{Checkpoints, Seek};
 use super::{Scenario, ScenarioError};
 use bevy::prelude::*;
 use std::path::{Path, PathBuf};
@@ -26,8 +28,7 @@ pub struct ScenarioRun {
     pub(super) branch: Option<LogBranch>,
     pub(super) phase: RunPhase,
     pub(super) is_stopped: bool,
-    /// Whether its scene was spawned.
-    pub(super) has_scene: bool,
+    pub(super) scene: SceneState,
     pub(super) step: u64,
     pub(super) steps_per_second: f64,
     pub(super) judge: Judge,
@@ -38,8 +39,13 @@ pub struct ScenarioRun {
     /// Where the eye is as a log says: turned into matrices and back it would be a hair elsewhere.
     pub(super) led_eye: Option<CameraRecord>,
     pub(super) writer: Option<LogWriter>,
+    /// Steps that are in the log, and whether its end is.
+    written: u64,
+    is_written: bool,
     pub(super) log_fault: Option<LogError>,
     pub(super) log: Option<RunLog>,
+    pub(super) seek: Option<Seek>,
+    pub(super) checkpoints: Checkpoints,
 }
 
 /// How far a run is.
@@ -72,7 +78,7 @@ impl ScenarioRun {
             branch: None,
             phase: RunPhase::Waiting,
             is_stopped: false,
-            has_scene: false,
+            scene: SceneState::default(),
             step: 0,
             steps_per_second: 0.0,
             judge,
@@ -82,8 +88,12 @@ impl ScenarioRun {
             eye: None,
             led_eye: None,
             writer: None,
+            written: 0,
+            is_written: false,
             log_fault: None,
             log: None,
+            seek: None,
+            checkpoints: Checkpoints::default(),
         }
     }
 
@@ -234,7 +244,7 @@ impl ScenarioRun {
         &self.facts
     }
 
-    /// The log so far, of a run that [keeps](Self::kept) it.
+    /// The log so far, of a run that [keeps](Self::kept) it: also of what was [gone back](Self::seek_to) over.
     pub fn log(&self) -> Option<&RunLog> {
         self.log.as_ref()
     }
@@ -268,7 +278,12 @@ impl ScenarioRun {
     }
 
     /// Writes a step.
-    pub(super) fn write(&mut self, entries: Vec<LogEntry>) {
+    pub(super) fn write(&mut self, mut entries: Vec<LogEntry>) {
+        // After a jump back the same steps come once more; they are written already.
+        if self.step < self.written {
+            entries.retain(|entry| matches!(entry.record, LogRecord::End(_)) && !self.is_written);
+        }
+        self.written = self.written.max(self.step + 1);
         if let Some(log) = &mut self.log {
             log.entries.extend(entries.iter().cloned());
         }
@@ -279,6 +294,7 @@ impl ScenarioRun {
 
     /// Ends the log.
     pub(super) fn close_log(&mut self) {
+        self.is_written = true;
         if let Some(log) = &mut self.log {
             log.is_complete = true;
         }

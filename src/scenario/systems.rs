@@ -5,8 +5,10 @@ use super::log::{CameraRecord, EndReason, HashRecord, LOG_VERSION, LogEntry, Log
 use super::observe::{self, Events, Scene};
 use super::patient::let_happen;
 use super::replay::lead_tools;
-use super::scene::spawn_scene;
+use super::scene::{SceneState, spawn_scene, spawn_tools};
+use super::seek::{keep_checkpoint, seek};
 use super::{RunPhase, ScenarioError, ScenarioRun};
+use crate::checkpoint::BeginMessages;
 use crate::schedule::SurgerySystems;
 use crate::tools::SenseDevices;
 use bevy::prelude::*;
@@ -34,13 +36,13 @@ pub struct ScenarioTold {
 
 pub(super) fn build(app: &mut App) {
     use SurgerySystems::{Cut, Deform, Flow, Judge, Publish, React, Sense, Touch};
-    let waits = |run: Option<Res<ScenarioRun>>| run.is_some_and(|run| run.phase == RunPhase::Waiting);
+    let waits = |run: Option<Res<ScenarioRun>>| run.is_some_and(|run| run.phase == RunPhase::Waiting || run.is_held());
     app.add_message::<ScenarioTold>()
         .configure_sets(FixedUpdate, (Sense, Touch, Cut, Deform, React, Flow, Judge, Publish).run_if(not(waits)))
         .configure_sets(
             FixedUpdate,
             (
-                ScenarioSystems::Begin.before(Sense),
+                ScenarioSystems::Begin.before(BeginMessages),
                 ScenarioSystems::Lead.in_set(Sense).after(SenseDevices),
                 ScenarioSystems::Judge.in_set(Judge),
             ),
@@ -48,16 +50,22 @@ pub(super) fn build(app: &mut App) {
         .add_systems(
             FixedUpdate,
             (
-                (spawn_scene, begin).chain().in_set(ScenarioSystems::Begin),
+                (spawn_scene, spawn_tools, begin, keep_checkpoint).chain().in_set(ScenarioSystems::Begin),
                 (lead_tools, let_happen).chain().in_set(ScenarioSystems::Lead),
                 (judge, guide).chain().in_set(ScenarioSystems::Judge),
             )
                 .run_if(resource_exists::<ScenarioRun>),
+        )
+        .add_systems(
+            RunFixedMainLoop,
+            seek.after(RunFixedMainLoopSystems::BeforeFixedMainLoop)
+                .before(RunFixedMainLoopSystems::FixedMainLoop)
+                .run_if(|run: Option<Res<ScenarioRun>>| run.is_some_and(|run| run.seek.is_some())),
         );
 }
 
 fn begin(run: ResMut<ScenarioRun>, scene: Scene, mut events: Events, time: Res<Time<Fixed>>) {
-    if run.phase != RunPhase::Waiting || !scene.is_ready() {
+    if run.phase != RunPhase::Waiting || run.scene != SceneState::There || !scene.is_ready() {
         return;
     }
     let run = run.into_inner();
@@ -113,7 +121,7 @@ fn other_rate(run: &ScenarioRun) -> Option<ScenarioError> {
     })
 }
 
-fn refuse(run: &mut ScenarioRun, fault: ScenarioError) {
+pub(super) fn refuse(run: &mut ScenarioRun, fault: ScenarioError) {
     tracing::error!("{fault}");
     run.phase = RunPhase::Refused(fault);
 }

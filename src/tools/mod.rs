@@ -37,6 +37,7 @@ mod contact;
 mod force;
 #[cfg(feature = "render")]
 mod input;
+mod order;
 mod pose;
 mod rig;
 mod session;
@@ -49,6 +50,7 @@ pub use contact::{Contact, ContactEvents, ContactMatter, ContactPhase, NEAR_M, T
 pub use force::{BodyForce, ToolForce};
 #[cfg(feature = "render")]
 pub use input::{GamepadHand, MouseHand};
+pub use order::ToolOrder;
 pub use pose::{ToolCommand, ToolLimits, ToolMotion, ToolPlace, ToolPose};
 pub use rig::{RigFrame, RigFrameTemplate, ToolClutch, ToolRig, ToolRigTemplate};
 pub use session::{
@@ -59,6 +61,7 @@ pub use state::ToolState;
 pub use tool::{DrillHead, Electrodes, Jaws, Tool, ToolGeometry, ToolHand, ToolKind};
 pub use work::ToolWork;
 
+use crate::checkpoint::KeepState;
 use crate::deform::elastic::{BodyContact, GraspBody, GraspSlipped, PressBody, TissueTorn};
 use crate::organ::OrganModel;
 use crate::pool::TreatBleeders;
@@ -112,6 +115,16 @@ impl Plugin for ToolsPlugin {
             .register_type::<ToolForce>()
             .register_type::<BodyForce>()
             .register_type::<ToolWork>();
+        // Its burr may be another one.
+        app.keep_component::<Tool>()
+            .keep_component::<ToolPose>()
+            .keep_component::<ToolCommand>()
+            .keep_component::<ToolMotion>()
+            .keep_component::<ToolState>()
+            .keep_component::<ToolForce>()
+            .keep_component::<ToolContacts>()
+            .keep_component::<ToolWork>();
+        order::build(app);
         pose::build(app);
         contact::build(app);
         act::build(app);

@@ -62,6 +62,9 @@ pub struct ToolCommand {
     pub second_pedal: f32,
     /// How far jaws are closed, 0 to 1.
     pub grip: f32,
+    /// Asks a drill for its next burr ([`Tool::burrs`]): once each time it begins, and only while the burr stands still.
+    #[serde(default)]
+    pub next_burr: bool,
 }
 
 impl ToolCommand {
@@ -70,7 +73,12 @@ impl ToolCommand {
 
     pub(super) fn clean(&self) -> Self {
         let share = |share: f32| if share.is_finite() { share.clamp(0.0, 1.0) } else { 0.0 };
-        Self { pedal: share(self.pedal), second_pedal: share(self.second_pedal), grip: share(self.grip) }
+        Self {
+            pedal: share(self.pedal),
+            second_pedal: share(self.second_pedal),
+            grip: share(self.grip),
+            next_burr: self.next_burr,
+        }
     }
 }
 

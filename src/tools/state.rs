@@ -36,6 +36,12 @@ impl ToolState {
         self.is_closed() && self.before.grip < ToolCommand::DOWN
     }
 
+    /// Whether the next burr is to be put on in this step.
+    pub fn changes_burr(&self) -> bool {
+        let is_still = self.command.pedal <= 0.0 && self.before.pedal <= 0.0;
+        is_still && self.command.next_burr && !self.before.next_burr
+    }
+
     /// Whether pedal or jaws bite in this step.
     pub fn bites(&self) -> bool {
         self.closes() || self.is_pedal_down() && self.before.pedal < ToolCommand::DOWN

@@ -21,6 +21,9 @@ pub struct Tool {
     pub geometry: ToolGeometry,
     /// Which hand holds it.
     pub hand: ToolHand,
+    /// Other burrs of a drill, in the order in which they can be put on ([`ToolCommand::next_burr`]). The one that was on takes the last
+    /// place.
+    pub burrs: Vec<Burr>,
 }
 
 /// A hand of the surgeon.
@@ -155,7 +158,16 @@ impl Tool {
             ToolKind::SuctionIrrigator => outline(1e-3, 1e-3, 0.03),
             ToolKind::Scope => outline(0.0, 0.0, 0.0),
         };
-        Self { kind, geometry, hand: ToolHand::Right }
+        Self { kind, geometry, hand: ToolHand::Right, burrs: Vec::new() }
+    }
+
+    /// Puts the next burr on, where there is one.
+    pub(super) fn put_next_burr_on(&mut self) {
+        let ToolKind::Drill(head) = &mut self.kind else { return };
+        if !self.burrs.is_empty() {
+            let next = self.burrs.remove(0);
+            self.burrs.push(std::mem::replace(&mut head.burr, next));
+        }
     }
 
     /// The same in the other hand.

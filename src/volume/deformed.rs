@@ -1,6 +1,7 @@
 //! Volumes that a lattice deforms, in the ECS: what picking, drilling and drawing read of the lattice.
 
 use super::{CtVolume, LoadVolume, MakePhantom, PrepareCuts, Volume, VolumeLook, VoxelLattice};
+use crate::checkpoint::KeepState;
 use crate::deform::{DeformLattice, NormalDeformation};
 use crate::organ::Organ;
 use crate::schedule::SurgerySystems;
@@ -58,6 +59,7 @@ struct Revisions(u64);
 pub(super) fn build(app: &mut App) {
     app.register_type::<DeformedVolume>()
         .init_resource::<Revisions>()
+        .keep_component::<DeformedVolume>()
         // Lattices may come and move between the steps.
         .add_systems(PreUpdate, (follow_lattices.in_set(FollowLattices).after(PrepareCuts), warn_of_idle_lattices))
         .add_systems(FixedUpdate, follow_lattices.in_set(FollowLattices).in_set(SurgerySystems::Publish))

@@ -3,6 +3,7 @@
 use super::cut::{Burr, BurrPose, BurrStroke};
 use super::rest::RestMap;
 use super::{CtVolume, CutVolume, DeformedVolume, Volume, VoxelBox};
+use crate::checkpoint::KeepState;
 use crate::schedule::SurgerySystems;
 use bevy::math::UVec3;
 use bevy::prelude::*;
@@ -112,7 +113,9 @@ pub(super) fn build(app: &mut App) {
         .add_message::<VoxelsRemoved>()
         .register_type::<DrillVolume>()
         .register_type::<VoxelsRemoved>()
-        .register_type::<RemovedTissue>();
+        .register_type::<RemovedTissue>()
+        .keep_large_component(CutVolume::bytes)
+        .keep_component::<RemovedTissue>();
     app.register_required_components::<CutVolume, RemovedTissue>();
     app.add_systems(
         FixedUpdate,

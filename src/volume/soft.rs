@@ -1,6 +1,7 @@
 //! Volumes that give way: the lattice and the body that a scene asks for.
 
 use super::{CtVolume, PrepareCuts, Volume};
+use crate::checkpoint::KeepState;
 use crate::deform::DeformLattice;
 use crate::deform::elastic::{ElasticBody, ElasticCell, ElasticError, ElasticTissue};
 use crate::gravity::SurgeryGravity;
@@ -31,12 +32,13 @@ impl Default for SoftVolume {
 }
 
 /// The volume that lattice and body were made for.
-#[derive(Component, PartialEq)]
+#[derive(Component, Clone, PartialEq)]
 struct SoftOf(AssetId<Volume>);
 
 pub(super) fn build(app: &mut App) {
     app.init_resource::<SurgeryGravity>()
         .register_type::<SoftVolume>()
+        .keep_component::<SoftOf>()
         .add_systems(PreUpdate, soften.after(PrepareCuts));
 }
 

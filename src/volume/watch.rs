@@ -1,8 +1,9 @@
 //! Distances to critical structures in the ECS.
 
-use super::critical::CriticalDistances;
+use super::critical::{CriticalDistances, StructureDistance};
 use super::drilling::{DrillVolumes, changed_volumes};
 use super::{CtVolume, CutVolume, PrepareCuts, Volume};
+use crate::checkpoint::KeepState;
 use crate::schedule::SurgerySystems;
 use bevy::prelude::*;
 use bevy::tasks::{AsyncComputeTaskPool, Task, block_on, poll_once};
@@ -39,6 +40,8 @@ struct Measured {
 pub(super) fn build(app: &mut App) {
     app.register_type::<WatchCritical>()
         .register_type::<CriticalDistances>()
+        .keep_component::<Measured>()
+        .keep_large_component(|of: &CriticalDistances| of.fields().iter().map(StructureDistance::bytes).sum())
         .add_systems(PreUpdate, measure.after(PrepareCuts))
         .add_systems(FixedUpdate, follow_cuts.in_set(SurgerySystems::Cut).after(DrillVolumes));
 }

@@ -1,6 +1,6 @@
 //! Runs again: the same to the bit, another from a moment on, and the second named in which one was not the same.
 
-use super::{again, perform, short_run, short_scenario};
+use super::{again, begin, perform, short_run, short_scenario};
 use bevy::prelude::*;
 use bevy_surgery::prelude::*;
 use bevy_surgery::scenario::log::{EndReason, LogRecord, RunLog};
@@ -34,6 +34,7 @@ fn a_run_that_is_another_is_found_by_its_second() {
     sample.pose.place.tip_in_world_m.x += 1e-6;
     let mut app = TestApp::cpu();
     app.insert_resource(ScenarioRun::replay(log));
+    begin(&mut app);
     while app.world().get_resource::<ScenarioRun>().is_some_and(|run| run.end().is_none()) {
         app.step(1);
     }
@@ -59,7 +60,7 @@ fn a_run_goes_on_from_any_moment_with_another_hand() {
 fn a_run_of_another_rate_is_refused() {
     let mut app = TestApp::cpu();
     app.insert_resource(Time::<Fixed>::from_hz(30.0)).insert_resource(ScenarioRun::replay(short_run()));
-    app.step(3);
+    begin(&mut app);
     let RunPhase::Refused(fault) = app.world().resource::<ScenarioRun>().phase().clone() else { panic!("it is not") };
     assert!(fault.to_string().contains("60.0 steps a second, and this program makes 30.0"), "{fault}");
 }
@@ -74,7 +75,7 @@ fn unknown_structures_are_told_with_the_nearest_spelling() {
     scenario.rules = bevy_surgery::scenario::Scenario::from_bytes(text.as_bytes(), "a").expect("good").rules;
     let mut app = TestApp::cpu();
     app.insert_resource(ScenarioRun::new(scenario).named("a.scenario.ron"));
-    app.step(3);
+    begin(&mut app);
     let RunPhase::Refused(fault) = app.world().resource::<ScenarioRun>().phase().clone() else { panic!("it is not") };
     assert_eq!(
         fault.to_string(),
@@ -106,6 +107,7 @@ fn the_world_stands_still_until_the_scene_is_there() {
 fn a_run_can_be_stopped_and_another_one_begun() {
     let mut app = TestApp::cpu();
     app.insert_resource(ScenarioRun::new(short_scenario()).kept());
+    begin(&mut app);
     app.step(10);
     app.world_mut().resource_mut::<ScenarioRun>().stop();
     app.step(1);
@@ -117,6 +119,7 @@ fn a_run_can_be_stopped_and_another_one_begun() {
     // The second one finds a scene as fresh as the first one did.
     app.insert_resource(ScriptedHand::new(Skill::EXPERT, 0));
     app.insert_resource(ScenarioRun::new(short_scenario()).kept());
+    begin(&mut app);
     for _ in 0..600 {
         app.step(1);
         if app.world().resource::<ScenarioRun>().end().is_some() {

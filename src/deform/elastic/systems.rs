@@ -4,6 +4,7 @@ use super::body::{BodyFaults, ElasticBody};
 use super::error::ElasticError;
 use super::messages::{BodyContact, GraspBody, GraspHeld, GraspSlipped, PressBody, TissueTorn};
 use super::touch::{BodyEvent, Hold, Press};
+use crate::checkpoint::KeepState;
 use crate::deform::DeformBodies;
 use crate::deform::lattice::DeformLattice;
 use crate::gravity::SurgeryGravity;
@@ -43,6 +44,11 @@ pub(in crate::deform) fn build(app: &mut App) {
         .add_message::<GraspHeld>()
         .add_message::<GraspSlipped>()
         .add_message::<TissueTorn>()
+        // Nodes, the cells between them, and what tools touch.
+        .keep_large_component(|body: &ElasticBody| body.tree().vertex_count() * 512)
+        .carry_messages::<BodyContact>()
+        .carry_messages::<GraspSlipped>()
+        .carry_messages::<TissueTorn>()
         .configure_sets(FixedUpdate, StepBodies.in_set(DeformBodies))
         .add_systems(
             FixedUpdate,

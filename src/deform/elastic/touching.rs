@@ -38,7 +38,8 @@ struct Grasp {
 #[derive(Clone, Debug, Default)]
 pub(super) struct Touching {
     touches: Vec<Touch>,
-    grasps: BTreeMap<u32, Grasp>,
+    /// In the order in which their holds were told.
+    grasps: Vec<Grasp>,
     last_shapes: BTreeMap<u32, ToolShape>,
     substeps: u32,
     substep_s: f32,
@@ -94,7 +95,7 @@ impl Touching {
         self.last_shapes = shapes;
 
         let turn = Quat::from_mat3a(&to_axes.matrix3).normalize();
-        self.grasps.retain(|tool, _| holds.iter().any(|hold| hold.tool == *tool));
+        self.grasps.retain(|grasp| holds.iter().any(|hold| hold.tool == grasp.hold.tool));
         for hold in holds {
             let at = to_axes.transform_point3(hold.position_m);
             let rotation = (turn * hold.rotation).normalize();
@@ -109,14 +110,13 @@ impl Touching {
                 continue;
             }
             let moved = Hold { position_m: at, rotation, ..*hold };
-            match self.grasps.get_mut(&hold.tool) {
+            match self.grasps.iter_mut().find(|grasp| grasp.hold.tool == hold.tool) {
                 Some(grasp) => grasp.hold = moved,
-                None => {
-                    self.grasps.insert(hold.tool, Grasp::close(moved, surface, solver));
-                }
+                None => self.grasps.push(Grasp::close(moved, surface, solver)),
             }
         }
-        self.grasps.values_mut().for_each(|grasp| grasp.impulse = Vec3::ZERO);
+        self.grasps.sort_by_key(|grasp| holds.iter().position(|hold| hold.tool == grasp.hold.tool));
+        self.grasps.iter_mut().for_each(|grasp| grasp.impulse = Vec3::ZERO);
         odd
     }
 
@@ -124,7 +124,7 @@ impl Touching {
     pub fn constrain(&mut self, solver: &mut Solver, surface: &TouchSurface, substep: u32) {
         let share = (substep + 1) as f32 / self.substeps as f32;
         let shares = &mut self.shares;
-        for grasp in self.grasps.values_mut().filter(|grasp| !grasp.is_empty) {
+        for grasp in self.grasps.iter_mut().filter(|grasp| !grasp.is_empty) {
             let at = grasp.from_m.lerp(grasp.hold.position_m, share);
             let rotation = grasp.from_rotation.slerp(grasp.hold.rotation, share);
             for (embedded, rest_m, offset_m) in &grasp.held {
@@ -200,13 +200,13 @@ impl Touching {
                 position_m: body_from_axes.transform_point3(at),
             });
         }
-        for (tool, grasp) in &mut self.grasps {
+        for grasp in &mut self.grasps {
             grasp.from_m = grasp.hold.position_m;
             grasp.from_rotation = grasp.hold.rotation;
             if grasp.is_empty {
                 continue;
             }
-            let (tool, pull) = (*tool, -grasp.impulse * per_square);
+            let (tool, pull) = (grasp.hold.tool, -grasp.impulse * per_square);
             let (pull_n, position_m) = (pull.length(), body_from_axes.transform_point3(grasp.from_m));
             let patches = grasp.held.iter().map(|(embedded, ..)| embedded.patch as usize);
             // How near each cell is to tearing, and its stretch.

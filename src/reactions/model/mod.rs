@@ -18,7 +18,7 @@ use super::paint::{PermanentMap, ReactionMap};
 use super::regions::UploadLog;
 use super::settings::{ReactionFault, Reactions};
 use super::snake::Snake;
-use super::texels::{MapSize, TileMask};
+use super::texels::{MapSize, TILE_PX, TileMask};
 use crate::organ::OrganModel;
 use crate::organ::sphere::SurfacePoint;
 use crate::organ::surface::Surface;
@@ -245,6 +245,13 @@ impl ReactionModel {
             }
             self.settings = settings.clone();
         }
+    }
+
+    /// Bytes of its maps, about.
+    pub(crate) fn bytes(&self) -> usize {
+        // Five bytes a texel, and of what stays as many, where something does: colour and gloss, stains, doses of heat.
+        let stays = 3 * self.permanent.tiles_in_use().max(self.stains.tiles_in_use()) * (TILE_PX * TILE_PX) as usize;
+        5 * (self.size.area() + stays) + self.sprite_count() * size_of::<super::snake::Sprite>()
     }
 
     /// Size of the reaction map.

@@ -2,7 +2,7 @@
 //!
 //! The first message, of the topic `/header`, is a [`LogHeader`]; the others are [`LogEntry`]s, each with the topic of its kind of
 //! [`LogRecord`]. A message's time is the simulation's, in nanoseconds from the run's beginning. [`LogWriter`] writes off the main
-//! thread, [`RunLog::read`] reads.
+//! thread, [`RunLog::read`] reads. `docs/run-log.md` says all that is in it, for who reads it without this crate.
 
 mod error;
 mod read;

@@ -12,6 +12,7 @@ use bevy::prelude::*;
 use std::collections::BTreeSet;
 
 /// What is looked at in every step of a run.
+#[derive(Clone)]
 pub(in crate::scenario) struct Observed {
     /// Instruments, and what the log says of them.
     pub tools: Vec<Entity>,
@@ -29,6 +30,7 @@ pub(in crate::scenario) struct Observed {
 }
 
 /// Where a structure is.
+#[derive(Clone)]
 pub(super) struct WatchedStructure {
     pub name: String,
     pub places: Vec<Place>,
@@ -107,6 +109,12 @@ pub(in crate::scenario) fn begin(
 }
 
 impl Observed {
+    /// Bytes that it holds, about.
+    pub(in crate::scenario) fn bytes(&self) -> usize {
+        self.volumes.iter().map(WatchedVolume::bytes).sum::<usize>()
+            + self.lesions.iter().map(WatchedLesions::bytes).sum::<usize>()
+    }
+
     /// Where structures are to be reached, and the way out of there towards the eye: the middle of what of them can be exposed, and
     /// of the volume that they are in.
     pub(in crate::scenario) fn field(&self, structures: &[String], eye_m: Option<Vec3>) -> Option<(Vec3, Vec3)> {

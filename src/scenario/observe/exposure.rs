@@ -13,6 +13,7 @@ const MOST_PLACES: usize = 600;
 pub(super) const EVERY_STEPS: u64 = 30;
 
 /// Places of a structure's surface that were turned to the eye when the run began.
+#[derive(Clone)]
 pub(super) struct Exposure {
     /// The volume, by its place, and the voxels.
     places: Vec<(usize, UVec3)>,

@@ -16,6 +16,7 @@ const COAGULATED_J_PER_MM2: f32 = 0.32;
 const EVERY_STEPS: u64 = 15;
 
 /// Lesions of one organ.
+#[derive(Clone)]
 pub(super) struct WatchedLesions {
     organ: Entity,
     lesions: Vec<Area>,
@@ -25,6 +26,7 @@ pub(super) struct WatchedLesions {
 }
 
 /// A lesion's place, and its texels with their areas, mm².
+#[derive(Clone)]
 struct Area {
     middle: SurfacePoint,
     radius_m: f32,
@@ -47,6 +49,12 @@ impl WatchedLesions {
         let last =
             LesionFacts { is_touched: vec![false; areas.len()], coagulated: vec![0.0; areas.len()], outside_mm2: 0.0 };
         Some(Self { organ, lesions: areas, counted, last })
+    }
+
+    /// Bytes that it holds, about.
+    pub fn bytes(&self) -> usize {
+        let texels = self.lesions.iter().map(|area| size_of_val(area.texels.as_slice()));
+        size_of_val(self.counted.as_slice()) + texels.sum::<usize>()
     }
 
     /// Looks at a step.

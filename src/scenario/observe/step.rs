@@ -123,6 +123,7 @@ impl Observed {
                     pedal: finite(command.pedal),
                     second_pedal: finite(command.second_pedal),
                     grip: finite(command.grip),
+                    next_burr: command.next_burr,
                 },
                 forces_n,
                 drilling_n: force.drilling_n.filter(|force_n| force_n.is_finite()),

@@ -16,6 +16,7 @@ const CRITICAL_M: f32 = 6e-3;
 const LARGEST_BURR_M: f32 = 4e-3;
 
 /// A volume that is watched.
+#[derive(Clone)]
 pub(super) struct WatchedVolume {
     pub entity: Entity,
     pub name: String,
@@ -59,6 +60,11 @@ impl WatchedVolume {
             grid.half_axes_m().iter().map(|half_m| transform.affine().transform_vector3(*half_m).abs()).sum();
         let box_world_m = [transform.translation(), half_m];
         Self { entity, name, structures, whole_mm3, distances, revision: cut.revision(), box_world_m }
+    }
+
+    /// Bytes that it holds, about.
+    pub fn bytes(&self) -> usize {
+        self.distances.iter().map(StructureDistance::bytes).sum()
     }
 
     pub fn logged(&self) -> LoggedBody {

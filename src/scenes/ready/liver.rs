@@ -1,9 +1,7 @@
 //! A liver in the abdomen under an endoscope.
 
-use crate::highlights::Highlights;
-use crate::organ::{Hollow, LoadOrgan, OrganOptions, OrganSource};
-use crate::reactions::Reactions;
-use crate::skin::{OrganPreset, Skin};
+use crate::organ::{Hollow, LoadOrgan, OrganSource};
+use crate::skin::Skin;
 #[cfg(feature = "render")]
 use crate::view::{Endoscope, ScopeLight};
 use bevy::prelude::*;
@@ -59,18 +57,13 @@ fn view() -> impl SceneList {
 
 /// A liver that bleeds, burns and shines: 22 cm wide, its middle at its origin.
 pub fn liver() -> impl Scene {
-    let extent_m = OrganPreset::Liver.typical_extent_m();
-    let organ = LoadOrgan {
-        source: OrganSource::default(),
-        options: OrganOptions::default().with_largest_extent_m(extent_m).centred(),
-    };
+    let (organ, skin, reactions, highlights) = crate::ready::liver();
     bsn! {
         #Liver
         template_value(organ)
-        // The sharp reflections take the place of most of the soft sheen.
-        template_value(Skin { sheen: 0.15, ..Skin::liver() })
-        Reactions
-        Highlights { grain_tilt: 0.02, dry_roughness: 0.016 }
+        template_value(skin)
+        template_value(reactions)
+        template_value(highlights)
     }
 }
 
@@ -93,6 +86,6 @@ pub fn liver_endoscope() -> impl Scene {
         Endoscope
         // As lamps round the trocar have: its reflection is seen as a ring.
         ScopeLight { ring_radius_m: 0.015 }
-        template_value(Transform::from_xyz(0.0, 0.09, 0.18).looking_at(Vec3::ZERO, Vec3::Y))
+        template_value(crate::ready::before_liver())
     }
 }

@@ -6,7 +6,7 @@ use crate::sound::ToolSound;
 use crate::tools::{DrillHead, Tool, ToolControls, ToolHand, ToolKind, ToolRig};
 #[cfg(feature = "render")]
 use crate::view::{Microscope, MicroscopeLamp};
-use crate::volume::{MakePhantom, WatchCritical};
+use crate::volume::phantom::PhantomOptions;
 use bevy::ecs::template::EntityTemplate;
 use bevy::prelude::*;
 
@@ -71,11 +71,11 @@ fn view() -> impl SceneList {
 
 /// The phantom of a temporal bone. Distances to what must not be drilled are known up to 6 mm.
 pub fn mastoid_bone() -> impl Scene {
-    // The farthest warning, 2 mm from the surface of a burr, is given 5 mm from its middle.
+    let (phantom, watch) = crate::ready::mastoid_bone(PhantomOptions::default());
     bsn! {
         #Bone
-        MakePhantom
-        WatchCritical { band_mm: 6.0 }
+        template_value(phantom)
+        template_value(watch)
     }
 }
 
@@ -84,7 +84,7 @@ pub fn mastoid_pool(bone: EntityTemplate) -> impl Scene {
     bsn! {
         #Pool
         Pool { volume: bone }
-        template_value(Pool::facing(Vec3::ZERO, Vec3::Z))
+        template_value(crate::ready::over_mastoid())
     }
 }
 
@@ -120,11 +120,11 @@ fn instrument(tool: Tool, bone: EntityTemplate) -> impl Scene {
 /// that the shadow of a drill in the right hand falls beside it.
 #[cfg(feature = "render")]
 pub fn mastoid_microscope() -> impl Scene {
-    let distance_m = Microscope::default().working_distance_m + 0.012;
+    let place = crate::ready::before_mastoid(Microscope::default().working_distance_m);
     bsn! {
         #Microscope
         Microscope
-        template_value(Transform::from_xyz(0.0, 0.0, distance_m))
+        template_value(place)
         Children [
             #Lamp
             MicroscopeLamp { offset_m: {Vec2::new(0.024, 0.026)} }

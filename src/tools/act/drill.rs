@@ -1,7 +1,9 @@
 //! A burr that turns cuts volumes.
 
 use crate::tools::state::ToolState;
-use crate::tools::{ContactMatter, Tool, ToolContacts, ToolForce, ToolKind, ToolMotion, ToolPart, ToolPlace, ToolWork};
+use crate::tools::{
+    ContactMatter, Tool, ToolContacts, ToolForce, ToolKind, ToolMotion, ToolOrder, ToolPart, ToolPlace, ToolWork,
+};
 use crate::volume::cut::BurrPose;
 use crate::volume::{DrillVolume, PickedVolume};
 use bevy::prelude::*;
@@ -11,7 +13,6 @@ fn pose(place: &ToolPlace) -> BurrPose {
 }
 
 type Drilling = (
-    Entity,
     &'static Tool,
     &'static ToolMotion,
     &'static ToolContacts,
@@ -20,13 +21,24 @@ type Drilling = (
     &'static mut ToolWork,
 );
 
+/// Drills whose burr stands still get their next one, if that is asked for.
+pub(super) fn change_burrs(mut tools: Query<(&mut Tool, &ToolState)>) {
+    for (mut tool, state) in &mut tools {
+        if state.changes_burr() && !tool.burrs.is_empty() {
+            tool.put_next_burr_on();
+        }
+    }
+}
+
 /// Every volume near a burr that runs is told of it: also fluid over it is stirred.
 pub(super) fn drill(
+    order: Res<ToolOrder>,
     mut tools: Query<Drilling>,
     volumes: Query<&PickedVolume>,
     mut strokes: MessageWriter<DrillVolume>,
 ) {
-    for (entity, tool, motion, contacts, force, state, mut work) in &mut tools {
+    for &entity in &order.0 {
+        let Ok((tool, motion, contacts, force, state, mut work)) = tools.get_mut(entity) else { continue };
         let ToolKind::Drill(head) = tool.kind else { continue };
         let speed_rpm = head.full_speed_rpm * state.command.pedal;
         let Some(to) = motion.to.filter(|_| speed_rpm > 0.0) else {

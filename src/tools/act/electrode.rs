@@ -7,7 +7,9 @@ use crate::pool::{BleedingControl, TreatBleeders};
 use crate::reactions::burn::Cautery;
 use crate::reactions::{OrganTouch, ReactionAction, ReactionModel};
 use crate::tools::state::ToolState;
-use crate::tools::{ContactMatter, Tool, ToolCommand, ToolContacts, ToolKind, ToolMotion, ToolPart, ToolWork};
+use crate::tools::{
+    ContactMatter, Tool, ToolCommand, ToolContacts, ToolKind, ToolMotion, ToolOrder, ToolPart, ToolWork,
+};
 use bevy::prelude::*;
 
 /// Power at which it is as loud as it gets, watts.
@@ -35,13 +37,15 @@ fn water(reactions: &ReactionModel, atlas: &Atlas, point: SurfacePoint) -> f32 {
 }
 
 pub(super) fn burn(
-    mut tools: Query<(Entity, &Tool, &ToolMotion, &ToolContacts, &ToolState, &mut ToolWork)>,
+    order: Res<ToolOrder>,
+    mut tools: Query<(&Tool, &ToolMotion, &ToolContacts, &ToolState, &mut ToolWork)>,
     organs: Query<(&ReactionModel, &Organ)>,
     models: Res<Assets<OrganModel>>,
     mut touches: MessageWriter<OrganTouch>,
     mut seals: MessageWriter<TreatBleeders>,
 ) {
-    for (entity, tool, motion, contacts, state, mut work) in &mut tools {
+    for &entity in &order.0 {
+        let Ok((tool, motion, contacts, state, mut work)) = tools.get_mut(entity) else { continue };
         if !matches!(tool.kind, ToolKind::CauteryHook(_)) {
             continue;
         }

@@ -4,16 +4,17 @@ use super::tool_number;
 use crate::deform::elastic::{ElasticBody, GraspBody, GraspSlipped, TissueTorn};
 use crate::reactions::{OrganTouch, ReactionAction, ReactionModel};
 use crate::tools::state::ToolState;
-use crate::tools::{ContactMatter, Tool, ToolContacts, ToolKind, ToolMotion};
+use crate::tools::{ContactMatter, Tool, ToolContacts, ToolKind, ToolMotion, ToolOrder};
 use bevy::prelude::*;
 
 /// A biopsy needle that bites in an organ opens a vessel.
 pub(super) fn bite(
+    order: Res<ToolOrder>,
     tools: Query<(Entity, &Tool, &ToolContacts, &ToolState)>,
     organs: Query<(), With<ReactionModel>>,
     mut touches: MessageWriter<OrganTouch>,
 ) {
-    for (entity, tool, contacts, state) in &tools {
+    for (entity, tool, contacts, state) in tools.iter_many(&order.0) {
         let (ToolKind::BiopsyNeedle(wound), true) = (tool.kind, state.bites()) else { continue };
         let touched = contacts.at_tip().filter(|contact| organs.contains(contact.body));
         let Some(contact) = touched else { continue };
@@ -26,14 +27,16 @@ pub(super) fn bite(
 
 /// A grasper whose jaws close near a soft body holds it until they open, or it is lost.
 pub(super) fn grasp(
-    mut tools: Query<(Entity, &Tool, &ToolMotion, &ToolContacts, &mut ToolState)>,
+    order: Res<ToolOrder>,
+    mut tools: Query<(&Tool, &ToolMotion, &ToolContacts, &mut ToolState)>,
     bodies: Query<(), With<ElasticBody>>,
     mut grasps: MessageWriter<GraspBody>,
     mut slipped: MessageReader<GraspSlipped>,
     mut torn: MessageReader<TissueTorn>,
 ) {
     let lost: Vec<u32> = slipped.read().map(|slip| slip.tool).chain(torn.read().map(|tear| tear.tool)).collect();
-    for (entity, tool, motion, contacts, mut state) in &mut tools {
+    for &entity in &order.0 {
+        let Ok((tool, motion, contacts, mut state)) = tools.get_mut(entity) else { continue };
         let number = tool_number(entity);
         let (ToolKind::Grasper(jaws), Some(place)) = (tool.kind, motion.to) else {
             if state.held.is_some() {

@@ -20,6 +20,7 @@ pub(super) fn build(app: &mut App) {
         FixedUpdate,
         (
             take_commands,
+            drill::change_burrs,
             // What jaws hold is not pressed.
             jaws::grasp,
             press::press_organs,

@@ -4,7 +4,7 @@ use super::{electrode, tool_number};
 use crate::deform::elastic::{ElasticBody, PressBody, ToolShape};
 use crate::reactions::{OrganTouch, ReactionAction, ReactionModel};
 use crate::tools::state::ToolState;
-use crate::tools::{ContactMatter, Tool, ToolContacts, ToolKind, ToolMotion};
+use crate::tools::{ContactMatter, Tool, ToolContacts, ToolKind, ToolMotion, ToolOrder};
 use bevy::prelude::*;
 
 /// Force at which all blood is pressed out of the skin, newtons.
@@ -16,11 +16,12 @@ const FRICTION: f32 = 0.1;
 
 /// The skin under a probe or a closed jaw turns pale, the more the harder it is pressed.
 pub(super) fn press_organs(
+    order: Res<ToolOrder>,
     tools: Query<(Entity, &Tool, &ToolContacts)>,
     organs: Query<(), With<ReactionModel>>,
     mut touches: MessageWriter<OrganTouch>,
 ) {
-    for (entity, tool, contacts) in &tools {
+    for (entity, tool, contacts) in tools.iter_many(&order.0) {
         if tool.kind != ToolKind::Probe {
             continue;
         }
@@ -37,11 +38,12 @@ pub(super) fn press_organs(
 
 /// Soft bodies feel every instrument near them but one whose jaws hold them.
 pub(super) fn press_bodies(
+    order: Res<ToolOrder>,
     tools: Query<(Entity, &Tool, &ToolMotion, &ToolContacts, &ToolState)>,
     bodies: Query<(), With<ElasticBody>>,
     mut presses: MessageWriter<PressBody>,
 ) {
-    for (entity, tool, motion, contacts, state) in &tools {
+    for (entity, tool, motion, contacts, state) in tools.iter_many(&order.0) {
         let Some(place) = motion.to.filter(|_| state.held.is_none() && !works_without_pressing(tool, state)) else {
             continue;
         };

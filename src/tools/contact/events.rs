@@ -5,7 +5,8 @@
 //! between at a bounded rate.
 
 use super::{Contact, ToolContacts, ToolPart};
-use crate::tools::{Tool, TouchTools};
+use crate::checkpoint::KeepState;
+use crate::tools::{Tool, ToolOrder, TouchTools};
 use bevy::prelude::*;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
@@ -47,7 +48,12 @@ impl Default for ContactEvents {
     }
 }
 
+/// What was told of contacts that last.
+#[derive(Resource, Clone, Default)]
+struct ToldContacts(BTreeMap<(Entity, Entity, ToolPart), Told>);
+
 /// What was told of a contact.
+#[derive(Clone)]
 struct Told {
     contact: Contact,
     since_s: f32,
@@ -59,20 +65,24 @@ pub(super) fn build(app: &mut App) {
         .register_type::<ContactPhase>()
         .register_type::<ToolTouched>()
         .add_message::<ToolTouched>()
+        .init_resource::<ToldContacts>()
+        .keep_resource::<ToldContacts>()
         .add_systems(FixedUpdate, tell.in_set(TouchTools::Tell));
 }
 
 fn tell(
+    order: Res<ToolOrder>,
     tools: Query<(Entity, &ToolContacts), With<Tool>>,
     settings: Res<ContactEvents>,
     time: Res<Time>,
     mut touched: MessageWriter<ToolTouched>,
-    mut told: Local<BTreeMap<(Entity, Entity, ToolPart), Told>>,
+    mut told: ResMut<ToldContacts>,
 ) {
+    let told = &mut told.0;
     for told in told.values_mut() {
         told.since_s += time.delta_secs();
     }
-    for (tool, contacts) in &tools {
+    for (tool, contacts) in tools.iter_many(&order.0) {
         for &contact in &contacts.list {
             let phase = match told.get_mut(&(tool, contact.body, contact.part)) {
                 None => {

@@ -51,10 +51,13 @@ pub struct ToolControls {
     pub grip: [DeviceControl; 2],
     /// Holds the tool still while the hand moves.
     pub clutch: DeviceControl,
+    /// [`ToolCommand::next_burr`].
+    #[serde(default)]
+    pub next_burr: DeviceControl,
 }
 
 impl Default for ToolControls {
-    /// The first button or pedal, the second ones, the gripper, and the third button for the clutch.
+    /// The first button or pedal, the second ones, the gripper, the third button for the clutch, and the fourth for the next burr.
     fn default() -> Self {
         use DeviceControl::{Axis, Button, Grip, None};
         Self {
@@ -62,6 +65,7 @@ impl Default for ToolControls {
             second_pedal: [Button(1), Axis(1)],
             grip: [Grip { open_rad: 0.5 }, None],
             clutch: Button(2),
+            next_burr: Button(3),
         }
     }
 }
@@ -74,7 +78,7 @@ impl ToolControls {
         if sample.grip_rad.is_none() && matches!(kind, ToolKind::Grasper(_) | ToolKind::BiopsyNeedle(_)) {
             grip = grip.max(pedal);
         }
-        ToolCommand { pedal, second_pedal, grip }
+        ToolCommand { pedal, second_pedal, grip, next_burr: self.next_burr.value(sample) >= ToolCommand::DOWN }
     }
 }
 
@@ -89,6 +93,9 @@ mod tests {
         let command = controls.command(&sample, &ToolKind::Probe);
         assert_eq!((command.pedal, command.second_pedal), (0.4, 1.0));
         assert!((command.grip - 0.8).abs() < 1e-6);
+        assert!(!command.next_burr);
+        let fourth = DeviceSample { buttons: 0b1000, ..default() };
+        assert!(controls.command(&fourth, &ToolKind::Probe).next_burr);
         let without_gripper = DeviceSample { buttons: 1, ..default() };
         assert_eq!(controls.command(&without_gripper, &ToolKind::Grasper(default())).grip, 1.0);
         assert_eq!(controls.command(&without_gripper, &ToolKind::Probe).grip, 0.0);

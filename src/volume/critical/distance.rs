@@ -56,6 +56,11 @@ impl StructureDistance {
         field
     }
 
+    /// Bytes of the field.
+    pub(crate) fn bytes(&self) -> usize {
+        size_of_val(self.hundredths_mm.as_slice())
+    }
+
     fn compute(&self, structures: &Structures, cut: &CutVolume, of: VoxelBox) -> Vec<u16> {
         let is_there = |first: UVec3, there: &mut [bool]| {
             let row = VoxelBox { min: first, max: first + UVec3::new(there.len() as u32, 1, 1) };

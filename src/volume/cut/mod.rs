@@ -132,6 +132,11 @@ impl CutVolume {
         self.changes.since(revision)
     }
 
+    /// Bytes of its bricks, as if none of them were shared with a clone.
+    pub(crate) fn bytes(&self) -> usize {
+        self.bricks.list.iter().flatten().count() * bricks::VOXELS * size_of::<f32>()
+    }
+
     /// A number that this cut shares with its clones only.
     pub(crate) fn lineage(&self) -> u64 {
         self.changes.lineage
