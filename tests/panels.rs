@@ -29,19 +29,13 @@ pub fn panel(app: TestApp, entity: Entity) -> Harness<'static, TestApp> {
 }
 
 /// Anything of panels in a window of its own.
-pub fn shown(
-    app: TestApp,
-    mut show: impl FnMut(&mut egui::Ui, &mut World) + 'static,
-) -> Harness<'static, TestApp> {
-    Harness::builder()
-        .with_size(egui::vec2(420.0, 2400.0))
-        .with_max_steps(64)
-        .build_ui_state(
-            move |ui, app: &mut TestApp| {
-                show(ui, app.world_mut());
-                let context = ui.ctx().clone();
-                settle_when_idle(app.world_mut(), &context);
-            },
-            app,
-        )
+pub fn shown(app: TestApp, mut show: impl FnMut(&mut egui::Ui, &mut World) + 'static) -> Harness<'static, TestApp> {
+    Harness::builder().with_size(egui::vec2(420.0, 2400.0)).with_max_steps(64).build_ui_state(
+        move |ui, app: &mut TestApp| {
+            show(ui, app.world_mut());
+            let context = ui.ctx().clone();
+            settle_when_idle(app.world_mut(), &context);
+        },
+        app,
+    )
 }

@@ -8,6 +8,8 @@ mod documented;
 mod files;
 #[path = "scenario/judging.rs"]
 mod judging;
+#[path = "scenario/lesions.rs"]
+mod lesions;
 #[path = "scenario/logs.rs"]
 mod logs;
 #[path = "scenario/ready.rs"]

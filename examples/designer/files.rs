@@ -170,9 +170,8 @@ fn empty(world: &mut World, designer: &mut Designer) {
 fn open_scene(world: &mut World, designer: &mut Designer, file: &Path) {
     let text = std::fs::read_to_string(file).map_err(|error| format!("{}: {error}", file.display()));
     let before = outline(world);
-    let loaded = text.and_then(|text| {
-        load_scene(world, &file.to_string_lossy(), &text).map_err(|reason| reason.to_string())
-    });
+    let loaded =
+        text.and_then(|text| load_scene(world, &file.to_string_lossy(), &text).map_err(|reason| reason.to_string()));
     match loaded {
         Ok(entities) => {
             clear(world);
@@ -293,8 +292,7 @@ pub fn dialogs(context: &egui::Context, world: &mut World, designer: &mut Design
 /// What is still being loaded, and a way to give it up.
 pub fn progress(context: &egui::Context, world: &mut World, designer: &mut Designer) {
     let mut waiting: Vec<(Entity, String)> = Vec::new();
-    let mut organs =
-        world.query_filtered::<(Entity, &LoadOrgan), (Without<OrganShape>, Without<OrganLoadFailed>)>();
+    let mut organs = world.query_filtered::<(Entity, &LoadOrgan), (Without<OrganShape>, Without<OrganLoadFailed>)>();
     for (entity, organ) in organs.iter(world) {
         let what = match &organ.source {
             OrganSource::File(file) => Path::new(file).file_name().map(|name| name.to_string_lossy().into_owned()),
@@ -406,4 +404,3 @@ fn ask_before_closing(world: &mut World, mut read: Local<bevy::ecs::message::Mes
         world.resource_scope(|world, mut designer: Mut<Designer>| when_safe(world, &mut designer, Pending::Quit));
     }
 }
-

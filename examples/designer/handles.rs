@@ -1,8 +1,8 @@
 //! Vertices of a chosen lattice, to be dragged.
 
+use crate::Designer;
 use crate::pointer::{Pointing, ray};
 use crate::view::OwnView;
-use crate::Designer;
 use bevy::prelude::*;
 use bevy::window::PrimaryWindow;
 use bevy_egui::input::EguiWantsInput;
@@ -114,8 +114,7 @@ fn draw(
     let eye = cameras.iter().next().map_or(Vec3::ZERO, GlobalTransform::translation);
     let world_from_box = place.affine() * lattice.body_from_box();
     let corner = |bits: usize| {
-        world_from_box
-            .transform_point3(Vec3::from([0, 1, 2].map(|axis| if bits >> axis & 1 == 1 { 1.0 } else { 0.0 })))
+        world_from_box.transform_point3(Vec3::from([0, 1, 2].map(|axis| if bits >> axis & 1 == 1 { 1.0 } else { 0.0 })))
     };
     for bits in 0..8usize {
         for axis in (0..3).filter(|axis| bits >> axis & 1 == 0) {

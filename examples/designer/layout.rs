@@ -112,7 +112,8 @@ fn status(ui: &mut egui::Ui, world: &World, designer: &Designer, lower: &mut Low
         let history = world.resource::<EditHistory>();
         let star = if history.has_unsaved() { "*" } else { "" };
         let name = designer.file.as_deref().and_then(|file| file.file_name()?.to_str()).unwrap_or("not saved yet");
-        ui.label(format!("{name}{star}")).on_hover_text("The scene's file; a star: something was edited since it was saved");
+        ui.label(format!("{name}{star}"))
+            .on_hover_text("The scene's file; a star: something was edited since it was saved");
         ui.separator();
         ui.add(egui::Label::new(&designer.status).truncate()).on_hover_text(&designer.status);
         ui.with_layout(egui::Layout::right_to_left(egui::Align::Center), |ui| {

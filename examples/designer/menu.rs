@@ -70,7 +70,8 @@ pub fn menu(ui: &mut egui::Ui, world: &mut World, designer: &mut Designer) {
             redo(world);
         }
         ui.separator();
-        if item(ui, designer.chosen.is_some(), "Remove", "Delete", "Removes what is chosen and all that hangs from it") {
+        if item(ui, designer.chosen.is_some(), "Remove", "Delete", "Removes what is chosen and all that hangs from it")
+        {
             remove_chosen(world, designer);
         }
     });
@@ -154,7 +155,8 @@ pub fn add(ui: &mut egui::Ui, world: &mut World, designer: &mut Designer) {
         }
         if item(ui, true, "Temporal bone", "", "A phantom of the mastoid of 160 voxels along each side") {
             let bone = MakePhantom(PhantomOptions { size: 160, ..default() });
-            let entity = world.spawn((Name::new("Temporal bone"), bone, Transform::IDENTITY, WatchCritical::default())).id();
+            let entity =
+                world.spawn((Name::new("Temporal bone"), bone, Transform::IDENTITY, WatchCritical::default())).id();
             added(world, designer, entity, "Temporal bone");
         }
         let volume = designer.chosen.filter(|chosen| world.get::<CtVolume>(*chosen).is_some());

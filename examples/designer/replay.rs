@@ -44,9 +44,9 @@ pub fn has_opened(world: &mut World) -> bool {
 }
 
 fn seek(world: &mut World, time_s: f64) {
-    if let Some(mut run) = world.get_resource_mut::<ScenarioRun>() {
-        // run.seek_to(time_s);
-        let _ = (&mut run, time_s);
+    let Some(mut run) = world.get_resource_mut::<ScenarioRun>() else { return };
+    if let Err(reason) = run.seek_to(time_s) {
+        world.resource_mut::<Problems>().note(reason.to_string());
     }
 }
 
@@ -56,7 +56,7 @@ pub fn panel(ui: &mut egui::Ui, world: &mut World, designer: &mut Designer) {
         ui.weak("Open a run (.mcap) to see what happened in it.");
         return;
     };
-    let (now_s, score, goes_to) = (run.time_s(), run.score(), None::<f64>);
+    let (now_s, score, goes_to) = (run.time_s(), run.score(), run.seeking_to());
     let diverged = run.diverged_s();
     let phase = match run.phase() {
         RunPhase::Waiting => "the scene is being loaded".to_owned(),

@@ -2,28 +2,25 @@
 
 use crate::Designer;
 use crate::view::DrawsElsewhere;
-use bevy::ecs::entity_disabling::Disabled;
 use bevy::prelude::*;
 use bevy::reflect::TypeRegistry;
-use bevy_surgery::organ::OrganShape;
+use bevy_surgery::checkpoint::Checkpoint;
 use bevy_surgery::panels::{EditHistory, outline};
-use bevy_surgery::pool::{Bleeder, FluidSolver, PoolState, SuctionState, WaterBudget};
 use bevy_surgery::prelude::*;
-use bevy_surgery::reactions::ReactionModel;
 use bevy_surgery::scenes::SceneComponents;
-use bevy_surgery::tools::{ToolContacts, ToolMotion, ToolState, ToolWork};
-use bevy_surgery::volume::{CutVolume, RemovedTissue};
 use std::any::TypeId;
 use std::collections::BTreeMap;
 
 /// What was set, of everything that the simulation may change.
 #[derive(Resource, Default)]
-struct AtRest(Option<BTreeMap<(Entity, TypeId), Box<dyn Reflect>>>);
+struct AtRest {
+    set: Option<BTreeMap<(Entity, TypeId), Box<dyn Reflect>>>,
+    /// All that steps change, before the first one.
+    checkpoint: Option<Checkpoint>,
+}
 
 pub fn build(app: &mut App) {
-    app.init_resource::<AtRest>()
-        .add_systems(FixedFirst, remember)
-        .add_systems(Last, follow_edits);
+    app.init_resource::<AtRest>().add_systems(FixedFirst, remember).add_systems(Last, follow_edits);
 }
 
 /// Kinds of components that a designer sets.
@@ -40,7 +37,7 @@ fn value(world: &World, registry: &TypeRegistry, entity: Entity, kind: TypeId) -
 
 /// Before the first step.
 fn remember(world: &mut World) {
-    if world.resource::<AtRest>().0.is_some() {
+    if world.resource::<AtRest>().set.is_some() {
         return;
     }
     let registry = world.resource::<AppTypeRegistry>().clone();
@@ -53,20 +50,21 @@ fn remember(world: &mut World) {
             }
         }
     }
-    world.resource_mut::<AtRest>().0 = Some(values);
+    let checkpoint = Checkpoint::take(world);
+    *world.resource_mut::<AtRest>() = AtRest { set: Some(values), checkpoint: Some(checkpoint) };
 }
 
 /// What is set by hand while it is played is set for good.
 fn follow_edits(world: &mut World) {
     let edited = world.resource_mut::<EditHistory>().take_edited();
-    if edited.is_empty() || world.resource::<AtRest>().0.is_none() {
+    if edited.is_empty() || world.resource::<AtRest>().set.is_none() {
         return;
     }
     let registry = world.resource::<AppTypeRegistry>().clone();
     let registry = registry.read();
     for (entity, kind) in edited {
         let now = value(world, &registry, entity, kind);
-        let Some(values) = &mut world.resource_mut::<AtRest>().0 else { return };
+        let Some(values) = &mut world.resource_mut::<AtRest>().set else { return };
         match now {
             Some(now) => values.insert((entity, kind), now),
             None => values.remove(&(entity, kind)),
@@ -76,14 +74,14 @@ fn follow_edits(world: &mut World) {
 
 /// Nothing was played yet.
 pub fn forget(world: &mut World) {
-    world.resource_mut::<AtRest>().0 = None;
+    *world.resource_mut::<AtRest>() = AtRest::default();
 }
 
 /// Puts what was set in the place of what the simulation made of it; returns that.
 fn exchange(world: &mut World) -> Vec<(Entity, TypeId, Box<dyn Reflect>)> {
     let registry = world.resource::<AppTypeRegistry>().clone();
     let registry = registry.read();
-    let Some(rest) = world.resource_mut::<AtRest>().0.take() else { return Vec::new() };
+    let Some(rest) = world.resource_mut::<AtRest>().set.take() else { return Vec::new() };
     let mut simulated = Vec::new();
     for ((entity, kind), set) in &rest {
         let Some(now) = value(world, &registry, *entity, *kind) else { continue };
@@ -93,7 +91,7 @@ fn exchange(world: &mut World) -> Vec<(Entity, TypeId, Box<dyn Reflect>)> {
         put(world, &registry, *entity, *kind, &**set);
         simulated.push((*entity, *kind, now));
     }
-    world.resource_mut::<AtRest>().0 = Some(rest);
+    world.resource_mut::<AtRest>().set = Some(rest);
     simulated
 }
 
@@ -141,48 +139,14 @@ pub fn with_rest<T>(world: &mut World, act: impl FnOnce(&mut World) -> T) -> T {
 /// Everything as it was set up: nothing is cut, nothing bleeds, time begins anew.
 pub fn reset(world: &mut World, designer: &mut Designer) {
     world.resource_mut::<Time<Virtual>>().pause();
-    exchange(world);
+    if let Some(checkpoint) = world.resource_mut::<AtRest>().checkpoint.take() {
+        checkpoint.restore(world);
+        // What was set by hand since then stays set.
+        exchange(world);
+    }
     forget(world);
-    let mut opened = world.query_filtered::<(Entity, &Bleeder), Without<Name>>();
-    let opened: Vec<Entity> =
-        opened.iter(world).filter(|(_, bleeder)| bleeder.label != 0).map(|(entity, _)| entity).collect();
-    for bleeder in opened {
-        world.despawn(bleeder);
-    }
-    let mut entities = world.query_filtered::<Entity, Or<(With<Transform>, With<Tool>, Allow<Disabled>)>>();
-    for entity in entities.iter(world).collect::<Vec<_>>() {
-        begin_anew(world, entity);
-    }
     let mut fixed = world.resource_mut::<Time<Fixed>>();
     let step = fixed.timestep();
     *fixed = Time::<Fixed>::from_duration(step);
     designer.status = "Everything is as it was set up".into();
-}
-
-/// What follows from a component while it is played begins anew: most of it is made again by itself.
-fn begin_anew(world: &mut World, entity: Entity) {
-    let shape = world
-        .get::<Organ>(entity)
-        .and_then(|organ| world.resource::<Assets<OrganModel>>().get(&organ.0))
-        .map(OrganShape::at_rest);
-    let Ok(mut entity) = world.get_entity_mut(entity) else { return };
-    entity.remove::<(CutVolume, ReactionModel, FluidSolver)>();
-    if entity.contains::<OrganShape>()
-        && let Some(shape) = shape
-    {
-        entity.insert(shape);
-    }
-    fn default_of<C: Component<Mutability = bevy::ecs::component::Mutable> + Default>(entity: &mut EntityWorldMut) {
-        if let Some(mut component) = entity.get_mut::<C>() {
-            *component = C::default();
-        }
-    }
-    default_of::<RemovedTissue>(&mut entity);
-    default_of::<PoolState>(&mut entity);
-    default_of::<WaterBudget>(&mut entity);
-    default_of::<SuctionState>(&mut entity);
-    default_of::<ToolState>(&mut entity);
-    default_of::<ToolContacts>(&mut entity);
-    default_of::<ToolMotion>(&mut entity);
-    default_of::<ToolWork>(&mut entity);
 }

@@ -12,8 +12,8 @@ use bevy::window::PrimaryWindow;
 use bevy_egui::PrimaryEguiContext;
 use bevy_panorbit_camera::{PanOrbitCamera, PanOrbitCameraPlugin};
 use bevy_surgery::organ::OrganShape;
-use bevy_surgery::scenes::NotAuthored;
 use bevy_surgery::prelude::*;
+use bevy_surgery::scenes::NotAuthored;
 use bevy_surgery::view::{ScopeLight, StereoEye, StereoPair};
 
 /// The layer of Bevy's gizmo.
@@ -69,7 +69,10 @@ fn open(mut commands: Commands, stage: Res<Stage>) {
 /// A camera that comes with a scene rests until it is looked through.
 fn rest_at_first(
     added: On<Add, Camera3d>,
-    mut cameras: Query<(&mut Camera, Has<StereoPair>), (Without<NotAuthored>, Without<StereoEye>, Without<RenderLayers>)>,
+    mut cameras: Query<
+        (&mut Camera, Has<StereoPair>),
+        (Without<NotAuthored>, Without<StereoEye>, Without<RenderLayers>),
+    >,
     mut commands: Commands,
 ) {
     if let Ok((mut camera, is_pair)) = cameras.get_mut(added.entity) {
@@ -203,7 +206,8 @@ fn tame_gizmo(
 
 /// The designer's eye begins where the first camera of the scene is.
 pub fn begin(world: &mut World) {
-    let mut cameras = world.query_filtered::<(Entity, &Transform), (With<Camera3d>, Without<NotAuthored>, Without<StereoEye>)>();
+    let mut cameras =
+        world.query_filtered::<(Entity, &Transform), (With<Camera3d>, Without<NotAuthored>, Without<StereoEye>)>();
     let Some((camera, _)) = cameras.iter(world).min_by_key(|(entity, _)| *entity) else { return };
     let mut place = GlobalTransform::IDENTITY;
     let mut at = Some(camera);
@@ -261,8 +265,8 @@ pub fn frame(world: &mut World, chosen: Option<Entity>) {
 
 /// Looks through the next camera of the scene, and then through the designer's own again.
 pub fn next_camera(world: &mut World, designer: &mut Designer) {
-    let mut cameras =
-        world.query_filtered::<Entity, (With<Camera3d>, Without<NotAuthored>, Without<StereoEye>, Without<RenderLayers>)>();
+    let mut cameras = world
+        .query_filtered::<Entity, (With<Camera3d>, Without<NotAuthored>, Without<StereoEye>, Without<RenderLayers>)>();
     let mut all: Vec<Entity> = cameras.iter(world).collect();
     all.sort();
     let place = designer.through.and_then(|through| all.iter().position(|camera| *camera == through));

@@ -8,14 +8,8 @@ use bevy::prelude::*;
 use bevy_egui::egui;
 
 /// Faces of a body's box: what they are called, and the axis and end that they lie at.
-const FACES: [(&str, usize, f32); 6] = [
-    ("Left", 0, -1.0),
-    ("Right", 0, 1.0),
-    ("Bottom", 1, -1.0),
-    ("Top", 1, 1.0),
-    ("Back", 2, -1.0),
-    ("Front", 2, 1.0),
-];
+const FACES: [(&str, usize, f32); 6] =
+    [("Left", 0, -1.0), ("Right", 0, 1.0), ("Bottom", 1, -1.0), ("Top", 1, 1.0), ("Back", 2, -1.0), ("Front", 2, 1.0)];
 
 /// Patches of a lattice.
 pub(super) fn lattice(ui: &mut egui::Ui, world: &mut World, entity: Entity) {
@@ -62,9 +56,11 @@ pub(super) fn body(ui: &mut egui::Ui, world: &mut World, entity: Entity) {
     let pinned = (0..count).filter(|vertex| body.is_pinned(*vertex)).count();
     let faults = body.faults();
     let asleep = if body.is_asleep() { ", at rest" } else { "" };
-    let restored = if faults.restored_steps > 0 { format!(", {} steps restored", faults.restored_steps) } else { String::new() };
-    ui.label(format!("{pinned} of {count} vertices pinned{asleep}{restored}"))
-        .on_hover_text("Vertices that stay where they are; whether it moves; steps that ended in numbers that are none");
+    let restored =
+        if faults.restored_steps > 0 { format!(", {} steps restored", faults.restored_steps) } else { String::new() };
+    ui.label(format!("{pinned} of {count} vertices pinned{asleep}{restored}")).on_hover_text(
+        "Vertices that stay where they are; whether it moves; steps that ended in numbers that are none",
+    );
     pins(ui, world, entity, &body);
     tissue(ui, world, entity, &body);
     settings(ui, world, entity, &body);
@@ -75,13 +71,19 @@ fn pins(ui: &mut egui::Ui, world: &mut World, entity: Entity, body: &ElasticBody
     let rests: Vec<Vec3> = (0..count).map(|vertex| body.rest_m(vertex)).collect();
     let (low, high) = rests.iter().fold((Vec3::MAX, Vec3::MIN), |(low, high), rest| (low.min(*rest), high.max(*rest)));
     ui.horizontal_wrapped(|ui| {
-        ui.label("Pin").on_hover_text("Vertices that stay where they are, by the side of the body's box that they lie on");
+        ui.label("Pin")
+            .on_hover_text("Vertices that stay where they are, by the side of the body's box that they lie on");
         for (name, axis, end) in FACES {
             let at = if end < 0.0 { low[axis] } else { high[axis] };
             let near = 1e-3 * (high[axis] - low[axis]);
             let on_face: Vec<usize> = (0..count).filter(|vertex| (rests[*vertex][axis] - at).abs() <= near).collect();
             let mut is_pinned = !on_face.is_empty() && on_face.iter().all(|vertex| body.is_pinned(*vertex));
-            let told = format!("Holds the side {} ({}{})", name.to_lowercase(), if end < 0.0 { "-" } else { "+" }, ["x", "y", "z"][axis]);
+            let told = format!(
+                "Holds the side {} ({}{})",
+                name.to_lowercase(),
+                if end < 0.0 { "-" } else { "+" },
+                ["x", "y", "z"][axis]
+            );
             if ui.checkbox(&mut is_pinned, name).on_hover_text(told).changed() {
                 let mut body = body.clone();
                 for vertex in on_face {
@@ -131,7 +133,8 @@ fn tissue(ui: &mut egui::Ui, world: &mut World, entity: Entity, body: &ElasticBo
             ui.data_mut(|data| data.insert_temp(memory, tissue));
         }
     } else {
-        ui.weak("Of several tissues.").on_hover_text("Those of the volume's structures; choose one for all of it above");
+        ui.weak("Of several tissues.")
+            .on_hover_text("Those of the volume's structures; choose one for all of it above");
     }
     let Some(chosen) = chosen else { return };
     let mut body = body.clone();

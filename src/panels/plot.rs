@@ -15,13 +15,7 @@ impl Plot {
         let (response, painter) = ui.allocate_painter(vec2(ui.available_width(), height), sense);
         let rect = response.rect.shrink(1.0);
         let visuals = ui.visuals();
-        painter.rect(
-            rect,
-            2.0,
-            visuals.extreme_bg_color,
-            visuals.widgets.noninteractive.bg_stroke,
-            StrokeKind::Inside,
-        );
+        painter.rect(rect, 2.0, visuals.extreme_bg_color, visuals.widgets.noninteractive.bg_stroke, StrokeKind::Inside);
         Self { response, rect, painter }
     }
 

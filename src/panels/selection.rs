@@ -119,7 +119,8 @@ pub fn entity_panel(ui: &mut egui::Ui, world: &mut World, entity: Entity) {
 /// undone.
 fn everything(ui: &mut egui::Ui, world: &mut World, entity: Entity, authored: &[Section]) {
     let folded = egui::CollapsingHeader::new("Everything").show(ui, |ui| {
-        let kinds = authored.iter().map(|section| section.kind).chain([TypeId::of::<Transform>(), TypeId::of::<Name>()]);
+        let kinds =
+            authored.iter().map(|section| section.kind).chain([TypeId::of::<Transform>(), TypeId::of::<Name>()]);
         let before: Vec<_> = kinds.map(|kind| (kind, component(world, entity, kind))).collect();
         ui_for_entity(world, entity, ui);
         for (kind, before) in before {
@@ -164,28 +165,31 @@ fn show_section(
     let id = ui.make_persistent_id(&section.title);
     let is_open = open_first.contains(&section.kind);
     let header = egui::collapsing_header::CollapsingState::load_with_default_open(ui.ctx(), id, is_open);
-    let mut is_removed = false;
+    let (mut is_removed, mut is_toggled) = (false, false);
     let told = super::fields::plain(section.meaning);
-    let (_, header, _) = header
-        .show_header(ui, |ui| {
-            let title = ui.add(egui::Label::new(egui::RichText::new(&section.title).strong()).selectable(false));
-            title.on_hover_text(&told);
-            if can_go && !is_made(section.kind) {
-                ui.with_layout(egui::Layout::right_to_left(egui::Align::Center), |ui| {
-                    let told = format!("Takes {} away", section.title.to_lowercase());
-                    is_removed = ui.small_button("×").on_hover_text(told).clicked();
-                });
-            }
-        })
-        .body(|ui| {
-            if let Some(more) = more {
-                more(ui, world, entity);
-            }
-            if has_fields {
-                show_fields(ui, world, entity, section, context);
-            }
-        });
-    header.response.on_hover_text("Folds and unfolds this section");
+    let mut header = header.show_header(ui, |ui| {
+        let title = egui::Label::new(egui::RichText::new(&section.title).strong()).selectable(false);
+        let title = ui.add(title.sense(egui::Sense::click())).on_hover_text(&told);
+        if can_go && !is_made(section.kind) {
+            ui.with_layout(egui::Layout::right_to_left(egui::Align::Center), |ui| {
+                let told = format!("Takes {} away", section.title.to_lowercase());
+                is_removed = ui.small_button("×").on_hover_text(told).clicked();
+            });
+        }
+        is_toggled = title.clicked();
+    });
+    if is_toggled {
+        header.toggle();
+    }
+    let (button, ..) = header.body(|ui| {
+        if let Some(more) = more {
+            more(ui, world, entity);
+        }
+        if has_fields {
+            show_fields(ui, world, entity, section, context);
+        }
+    });
+    button.on_hover_text("Folds and unfolds this section");
     if is_removed {
         edit_component(world, entity, section.kind, None, &format!("Take {} away", section.title.to_lowercase()));
     }

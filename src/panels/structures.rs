@@ -84,5 +84,6 @@ fn row(ui: &mut egui::Ui, structure: &mut Structure) {
     let unit = Unit::of_field("bleeding_ml_per_s_mm3").symbol;
     let rate = egui::DragValue::new(&mut structure.bleeding_ml_per_s_mm3).speed(1e-5).range(0.0..=1.0).max_decimals(6);
     ui.add(rate).on_hover_text(format!("Bleeding, {unit}"));
-    ui.checkbox(&mut structure.is_critical, "").on_hover_text("Whether it must not be touched: warnings are given near it");
+    ui.checkbox(&mut structure.is_critical, "")
+        .on_hover_text("Whether it must not be touched: warnings are given near it");
 }

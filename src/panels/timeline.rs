@@ -1,8 +1,8 @@
 //! A run on a line: what happened when, and where it is now.
 
 use super::plot::Plot;
-use crate::scenario::log::{LogRecord, RunLog};
 use crate::scenario::Severity;
+use crate::scenario::log::{LogRecord, RunLog};
 use bevy::prelude::*;
 use bevy_egui::egui::{self, Align2, Color32, Sense};
 
@@ -73,13 +73,12 @@ impl Timeline {
             let second = (time_s as usize).min(seconds - 1);
             let (what, kind) = match &entry.record {
                 LogRecord::Goal(goal) if goal.is_reached => (goal_title(&goal.goal), TimelineKind::Goal),
-                LogRecord::Violation(broken) => {
-                    (rule_message(&broken.rule), TimelineKind::Violation(broken.severity))
-                }
+                LogRecord::Violation(broken) => (rule_message(&broken.rule), TimelineKind::Violation(broken.severity)),
                 LogRecord::Reaction(reaction) => (reaction.what.clone(), TimelineKind::Reaction),
                 LogRecord::End(end) => (format!("{:.0} points", end.score), TimelineKind::End),
                 LogRecord::Removal(removal) => {
-                    timeline.removed_mm3[second] += removal.by_label_mm3.iter().map(|(_, mm3)| *mm3 as f32).sum::<f32>();
+                    timeline.removed_mm3[second] +=
+                        removal.by_label_mm3.iter().map(|(_, mm3)| *mm3 as f32).sum::<f32>();
                     continue;
                 }
                 LogRecord::Sample(sample) => {

@@ -50,7 +50,8 @@ pub(super) fn tool(ui: &mut egui::Ui, world: &mut World, entity: Entity) {
 /// Which device holds it.
 pub(super) fn device(ui: &mut egui::Ui, world: &mut World, entity: Entity) {
     if let Some(DeviceRefused(fault)) = world.get::<DeviceRefused>(entity) {
-        ui.colored_label(ui.visuals().error_fg_color, fault.to_string()).on_hover_text("Why the device does not hold it");
+        ui.colored_label(ui.visuals().error_fg_color, fault.to_string())
+            .on_hover_text("Why the device does not hold it");
     }
     let Some(devices) = world.get_resource::<Devices>().cloned() else {
         ui.weak("This program uses no devices.");

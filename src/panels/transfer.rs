@@ -90,10 +90,7 @@ pub(super) fn transfer(ui: &mut egui::Ui, world: &mut World, entity: Entity) {
         plot.bars(heights, Color32::from_gray(70));
     }
     let sorted = function.sorted_points();
-    let ends = [
-        sorted.first().map(|first| (0.0, first.opacity)),
-        sorted.last().map(|last| (1.0, last.opacity)),
-    ];
+    let ends = [sorted.first().map(|first| (0.0, first.opacity)), sorted.last().map(|last| (1.0, last.opacity))];
     let inner = sorted.iter().map(|point| (share(point.value).clamp(0.0, 1.0), point.opacity));
     plot.curve(ends[0].into_iter().chain(inner).chain(ends[1]), Color32::from_gray(200));
     let memory = ui.id().with("chosen point");

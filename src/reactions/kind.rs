@@ -19,6 +19,8 @@ impl KindId {
     pub const WHITENING: Self = Self(1);
     /// [`Cauterization`](super::kinds::Cauterization).
     pub const CAUTERIZATION: Self = Self(2);
+    /// [`Nodule`](super::kinds::Nodule).
+    pub const NODULE: Self = Self(3);
 }
 
 /// How a sprite looks at a moment.
@@ -66,7 +68,7 @@ pub struct Motion<'a> {
     pub dt_s: f64,
 }
 
-/// A kind of reaction. Register yours with [`AddReactionKind::add_reaction_kind`]; the three of the crate are made of the
+/// A kind of reaction. Register yours with [`AddReactionKind::add_reaction_kind`]; those of the crate are made of the
 /// same trait, and [`ReactionKinds::replace`] exchanges them.
 ///
 /// Everything must depend on the arguments only: scenes are replayed bit by bit.
@@ -147,11 +149,12 @@ pub struct ReactionKinds(Vec<RegisteredKind>);
 
 impl Default for ReactionKinds {
     fn default() -> Self {
-        use super::kinds::{Blood, Cauterization, Whitening};
+        use super::kinds::{Blood, Cauterization, Nodule, Whitening};
         Self(vec![
             RegisteredKind::new(Blood::default()),
             RegisteredKind::new(Whitening::default()),
             RegisteredKind::new(Cauterization),
+            RegisteredKind::new(Nodule::default()),
         ])
     }
 }

@@ -213,6 +213,51 @@ impl ReactionKind for Cauterization {
     }
 }
 
+/// A spot of the organ itself that looks ill, for good: a nodule, an endometrioma, a mark. It is painted into what is permanent at once, so
+/// that burns and blood lie over it.
+#[derive(Clone, Copy, Debug, PartialEq, Reflect, Serialize, Deserialize)]
+pub struct Nodule {
+    /// Colour, sRGB.
+    pub colour: [u8; 3],
+    /// Opacity of its middle, 0 to 1: below 1 the skin is seen through it.
+    pub opacity: f32,
+}
+
+impl Default for Nodule {
+    /// Yellowish white, as metastases on a liver are.
+    fn default() -> Self {
+        Self { colour: [222, 196, 150], opacity: 0.7 }
+    }
+}
+
+impl ReactionKind for Nodule {
+    fn name(&self) -> &str {
+        "nodule"
+    }
+
+    fn profile(&self, r: f32) -> f32 {
+        // Even inside, soft over the outer third.
+        let rim = ((1.0 - r) * 3.0).clamp(0.0, 1.0);
+        rim * rim * (3.0 - 2.0 * rim)
+    }
+
+    fn look(&self, sprite: &Sprite) -> SpriteLook {
+        SpriteLook { colour: self.colour, gloss: NEUTRAL_GLOSS, opacity: byte(self.opacity * sprite.opacity) }
+    }
+
+    fn age(&self, _: &mut Sprite, _: &Ageing) -> SpriteFate {
+        SpriteFate::Bakes
+    }
+
+    fn order(&self) -> i32 {
+        -20
+    }
+
+    fn longest(&self) -> usize {
+        1
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

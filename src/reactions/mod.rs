@@ -63,6 +63,7 @@ impl Plugin for ReactionsPlugin {
             .register_type::<kinds::Blood>()
             .register_type::<kinds::Whitening>()
             .register_type::<kinds::Cauterization>()
+            .register_type::<kinds::Nodule>()
             .register_type::<snake::Snake>()
             .register_type::<snake::Sprite>()
             .register_type::<kind::KindId>()

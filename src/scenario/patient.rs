@@ -1,7 +1,9 @@
 //! Patients: how one differs from another, and what happens in them.
 
 use super::{GoalKind, Lesion, PatientEventKind, RuleKind, Scenario, ScenarioRun};
+use crate::organ::sphere::SurfacePoint;
 use crate::organ::{Organ, OrganModel, OrganShape};
+use crate::reactions::kind::KindId;
 use crate::reactions::{OrganTouch, ReactionAction};
 use bevy::prelude::*;
 use rand::{RngExt, SeedableRng};
@@ -70,6 +72,69 @@ impl Shifts<'_> {
     fn share(&mut self) -> f32 {
         1.0 + self.random.random_range(-MOST_SHARE..=MOST_SHARE) * self.amount
     }
+}
+
+/// Lesions that are shown in a step: an organ takes a bounded number of touches.
+const LESIONS_PER_STEP: usize = 3;
+/// Spots at the rim of a lesion, so that it is not round.
+const LOBES: usize = 6;
+
+impl Scenario {
+    /// The lesions that are to be found, each once, with the organs that they are on.
+    fn lesions(&self) -> Vec<(&str, Lesion)> {
+        let mut all: Vec<(&str, Lesion)> = Vec::new();
+        for goal in &self.goals {
+            let (GoalKind::Mark { organ, lesions, .. } | GoalKind::Coagulate { organ, lesions, .. }) = &goal.kind
+            else {
+                continue;
+            };
+            for lesion in lesions {
+                if !all.contains(&(organ, *lesion)) {
+                    all.push((organ, *lesion));
+                }
+            }
+        }
+        all
+    }
+}
+
+/// Draws the lesions on their organs in a run's first steps.
+pub(super) fn show_lesions(
+    run: Res<ScenarioRun>,
+    organs: Query<(Entity, &Name, &Organ, &OrganShape)>,
+    models: Option<Res<Assets<OrganModel>>>,
+    mut touches: MessageWriter<OrganTouch>,
+) {
+    let (Some(models), Some(step)) = (models, run.running_step()) else { return };
+    let lesions = run.played.lesions();
+    for (wanted, lesion) in lesions.into_iter().skip(step as usize * LESIONS_PER_STEP).take(LESIONS_PER_STEP) {
+        for (entity, name, organ, shape) in &organs {
+            let Some(model) = models.get(&organ.0).filter(|model| name.as_str() == wanted && shape.is_of(model)) else {
+                continue;
+            };
+            for (point, radius_m) in spots(&lesion, model, shape) {
+                let action = ReactionAction::Start { kind: KindId::NODULE, radius_m, volume_m3: 0.0 };
+                touches.write(OrganTouch { organ: entity, point, instrument: u32::MAX, action });
+            }
+        }
+    }
+}
+
+/// A lesion as a spot in its middle and smaller ones round it, within its radius; another shape for each place.
+fn spots(lesion: &Lesion, model: &OrganModel, shape: &OrganShape) -> Vec<(SurfacePoint, f32)> {
+    let Some(middle) = model.atlas.locate_uv(lesion.uv.as_dvec2(), &model.table) else { return Vec::new() };
+    let frame = model.surface(shape).frame(middle);
+    let mut random = Pcg32::seed_from_u64(u64::from(lesion.uv.x.to_bits()) << 32 | u64::from(lesion.uv.y.to_bits()));
+    let mut spots = vec![(middle, 0.8 * lesion.radius_m)];
+    let (along, across) = frame.normal.any_orthonormal_pair();
+    for lobe in 0..LOBES {
+        let turn = std::f64::consts::TAU * (lobe as f64 + random.random_range(-0.4..0.4)) / LOBES as f64;
+        let radius_m = lesion.radius_m * random.random_range(0.3..0.45);
+        let away_m = f64::from(lesion.radius_m - radius_m);
+        let by = frame.uv_velocity(away_m * (turn.cos() * along + turn.sin() * across));
+        spots.extend(model.atlas.locate_uv(frame.uv + by, &model.table).map(|point| (point, radius_m)));
+    }
+    spots
 }
 
 /// What happens in the patient in this step.

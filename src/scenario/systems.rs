@@ -3,7 +3,7 @@
 use super::guide::guide;
 use super::log::{CameraRecord, EndReason, HashRecord, LOG_VERSION, LogEntry, LogHeader, LogRecord};
 use super::observe::{self, Events, Scene};
-use super::patient::let_happen;
+use super::patient::{let_happen, show_lesions};
 use super::replay::lead_tools;
 use super::scene::{SceneState, spawn_scene, spawn_tools};
 use super::seek::{keep_checkpoint, seek};
@@ -51,7 +51,7 @@ pub(super) fn build(app: &mut App) {
             FixedUpdate,
             (
                 (spawn_scene, spawn_tools, begin, keep_checkpoint).chain().in_set(ScenarioSystems::Begin),
-                (lead_tools, let_happen).chain().in_set(ScenarioSystems::Lead),
+                (lead_tools, show_lesions, let_happen).chain().in_set(ScenarioSystems::Lead),
                 (judge, guide).chain().in_set(ScenarioSystems::Judge),
             )
                 .run_if(resource_exists::<ScenarioRun>),

@@ -12,7 +12,7 @@ use bevy_surgery::volume::phantom::{PhantomOptions, phantom};
 use bevy_surgery::volume::structures::{Structure, StructureChanges};
 use bevy_surgery::volume::transfer::TransferFunction;
 use egui::accesskit::Role;
-use egui_kittest::kittest::Queryable;
+use egui_kittest::kittest::{NodeT, Queryable};
 
 fn bone(app: &mut TestApp) -> Entity {
     let bone = phantom(&PhantomOptions { size: 64, ..default() }).expect("a phantom");
@@ -63,7 +63,11 @@ fn a_critical_structure_is_chosen_in_the_panel() {
     let first = before.iter().position(|it| !it.is_critical).expect("one that is not critical");
     let mut harness = panel(app, entity);
     harness.run_ok();
-    harness.get_by_label("Structures").click();
+    harness
+        .query_all_by_role(Role::Label)
+        .find(|node| node.accesskit_node().value().as_deref() == Some("Structures"))
+        .expect("a section")
+        .click();
     // Folding out is animated.
     harness.run_steps(40);
     let boxes: Vec<_> = harness.query_all_by_role(Role::CheckBox).map(|node| node.rect()).collect();
@@ -104,10 +108,7 @@ fn points_of_a_transfer_function_are_dragged() {
     );
     let point = before.sorted_points()[1].clone();
     let share = ((point.value - range[0]) / (range[1] - range[0])) as f32;
-    let at = egui::pos2(
-        plot.left() + share * plot.width(),
-        plot.bottom() - point.opacity * plot.height(),
-    );
+    let at = egui::pos2(plot.left() + share * plot.width(), plot.bottom() - point.opacity * plot.height());
     let to = at + egui::vec2(-20.0, 15.0);
     harness.hover_at(at);
     harness.drag_at(at);
@@ -161,7 +162,11 @@ fn the_lattice_is_subdivided_with_its_body() {
     let entity = app.world_mut().spawn((Name::new("body"), lattice, body, Transform::default())).id();
     let mut harness = panel(app, entity);
     harness.run_ok();
-    harness.get_by_label("Deform lattice").click();
+    harness
+        .query_all_by_role(Role::Label)
+        .find(|node| node.accesskit_node().value().as_deref() == Some("Deform lattice"))
+        .expect("a section")
+        .click();
     harness.run_steps(40);
     harness.get_by_role_and_label(Role::Button, "Subdivide").click();
     harness.run_ok();

@@ -51,7 +51,6 @@ pub const LIMITS: &[(&str, &str, Limits)] = &[
     ("ElasticTissue", "poisson_ratio", linear(0.0, 0.499)),
     ("ElasticTissue", "density_kg_per_m3", linear(100.0, 3000.0)),
     ("ElasticTissue", "tears_at_stretch", linear(1.0, 5.0)),
-    ("ElasticBody", "substeps", linear(1.0, 100.0)),
     ("Pool", "cell_m", powers(1e-5, 5e-3)),
     ("Pool", "size", linear(4.0, 2048.0)),
     ("PoolFluid", "hidden_from", linear(0.0, 1.0)),

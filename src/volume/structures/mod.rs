@@ -7,8 +7,8 @@ mod palette;
 mod thresholds;
 mod typical;
 
-pub(super) use changes::build;
 pub use changes::StructureChanges;
+pub(super) use changes::build;
 pub use palette::{Palette, SnapReport};
 pub use thresholds::{SolidRamp, ThresholdBand, Thresholds};
 
