@@ -31,8 +31,8 @@ mod rest;
 mod view;
 
 use bevy::asset::UnapprovedPathMode;
-use bevy::gizmos::GizmoPlugin;
 use bevy::gizmos::transform_gizmo::TransformGizmoPlugin;
+use bevy::gizmos_render::GizmoRenderPlugin;
 use bevy::prelude::*;
 use bevy_egui::EguiPlugin;
 use bevy_surgery::panels::PanelsPlugin;
@@ -90,8 +90,8 @@ fn main() -> ExitCode {
 }
 
 fn add(app: &mut App) {
-    if !app.is_plugin_added::<GizmoPlugin>() {
-        app.add_plugins(GizmoPlugin);
+    if !app.is_plugin_added::<GizmoRenderPlugin>() {
+        app.add_plugins(GizmoRenderPlugin);
     }
     app.add_plugins((TransformGizmoPlugin, EguiPlugin::default(), PanelsPlugin))
         .insert_resource(ClearColor(Color::srgb(0.09, 0.10, 0.11)))

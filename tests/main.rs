@@ -34,6 +34,7 @@ mod reactions_paint;
 mod reactions_pass;
 mod reactions_regions;
 mod reflection;
+mod scenes_seen;
 mod schedule;
 mod shaders;
 mod skin_library;

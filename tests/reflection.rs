@@ -67,7 +67,12 @@ const NOT_DATA: &[(&str, &str)] = &[
     ("ReadyScenario", "a constant of the crate"),
     ("Template", "makes a component of a scene"),
     ("SceneComponents", "a list of types"),
+    ("Checkpoint", "a copy of a world"),
+    ("BeginMessages", "a system set"),
 ];
+
+/// Folders behind a feature, whose plugin an app adds itself.
+const ADDED_BY_APPS: &[&str] = &["panels/"];
 
 /// Folders whose types live in the render world, which has no registry.
 const RENDER_WORLD: &[&str] = &[
@@ -137,7 +142,8 @@ fn public_types_are_reflected_and_registered() {
         let is_copy = RENDER_WORLD.iter().any(|place| file.starts_with(place))
             || ["ScopeMaskUniform", "MaskPipelineId"].contains(&name.as_str());
         let is_model = !is_reflected && NO_ECS.iter().any(|place| file.starts_with(place));
-        if is_code || is_copy || is_model {
+        let is_added = ADDED_BY_APPS.iter().any(|place| file.starts_with(place));
+        if is_code || is_copy || is_model || is_added {
             continue;
         }
         if !is_reflected || registry.get_with_short_type_path(&name).is_none() {

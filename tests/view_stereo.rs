@@ -2,7 +2,7 @@
 
 use crate::support::{plain_skin, sphere_organ};
 use bevy::camera::primitives::Frustum;
-use bevy::camera::{CameraProjection, Projection, RenderTarget};
+use bevy::camera::{CameraProjection, Projection, RenderTarget, Viewport};
 use bevy::light::GlobalAmbientLight;
 use bevy::prelude::*;
 use bevy::render::render_resource::{TextureFormat, TextureUsages};
@@ -103,6 +103,13 @@ fn each_eye_has_its_half() {
     app.world_mut().get_mut::<Camera>(rig).expect("a camera").order = 5;
     app.idle();
     assert_eq!(halves(&app), [(120, 120, 120, 5), (0, 120, 120, 6)]);
+    // A part of the target, as between an editor's panels.
+    let part = Viewport { physical_position: UVec2::new(30, 20), physical_size: UVec2::new(100, 60), ..default() };
+    app.world_mut().get_mut::<Camera>(rig).expect("a camera").viewport = Some(part);
+    app.idle();
+    assert_eq!(halves(&app), [(80, 50, 60, 5), (30, 50, 60, 6)]);
+    app.world_mut().get_mut::<Camera>(rig).expect("a camera").viewport = None;
+    app.idle();
     // Another size of the target, and a setting of the camera.
     let image = app.target().image;
     let mut images = app.world_mut().resource_mut::<Assets<Image>>();

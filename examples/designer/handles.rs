@@ -94,13 +94,15 @@ fn drag(
     let now = ray.origin + *ray.direction * held.distance_m;
     let box_from_world = lattice.box_from_body() * place.affine().inverse();
     let by = box_from_world.transform_vector3((now - held.was_world_m).into());
+    // As far as matter can go without folding over itself.
     let was = lattice.clone();
-    // No farther than matter can go without folding over itself.
-    if lattice.drag_vertex(held.vertex, by).is_err() || lattice.check_folds().is_err() {
-        *lattice = was;
-        return;
+    for share in [1.0, 0.5, 0.25, 0.125] {
+        if lattice.drag_vertex(held.vertex, share * by).is_ok() && lattice.check_folds().is_ok() {
+            held.was_world_m += share * (now - held.was_world_m);
+            return;
+        }
+        lattice.clone_from(&was);
     }
-    held.was_world_m = now;
 }
 
 /// Draws the vertices and the lattice's box.

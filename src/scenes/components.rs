@@ -36,7 +36,7 @@ use {
         Endoscope, Microscope, MicroscopeLamp, MonitorView, ScopeLight, ScopeMask, StereoEye, StereoEyes, StereoPair,
         ToolShadow, ToolShadows,
     },
-    bevy::camera::{Exposure, visibility::RenderLayers},
+    bevy::camera::visibility::RenderLayers,
     bevy::core_pipeline::tonemapping::Tonemapping,
 };
 
@@ -91,7 +91,7 @@ fn own() -> Vec<Kind> {
 fn of_bevy() -> Vec<Kind> {
     kinds![
         Name;
-        seen: Camera, Camera3d, Projection, Exposure, Tonemapping, Msaa, RenderLayers, DirectionalLight, PointLight,
+        seen: Camera, Camera3d, Projection, Tonemapping, Msaa, RenderLayers, DirectionalLight, PointLight,
         SpotLight,
     ]
 }

@@ -29,8 +29,8 @@
 //! # Ok::<(), bevy::ecs::error::BevyError>(())
 //! ```
 //!
-//! What Bevy's scenes do not keep: a component that another one requires and that was removed comes back with it, and where cameras show
-//! their pictures is left to the program.
+//! What Bevy's scenes do not keep: a component that another one requires and that was removed comes back with it, where cameras show
+//! their pictures is left to the program, and Bevy has no way to write their `Exposure` down.
 
 mod components;
 mod error;

@@ -46,6 +46,8 @@ pub fn headless_render_plugins() -> PluginGroupBuilder {
         .add(bevy::mesh::MeshPlugin)
         .add(bevy::camera::CameraPlugin)
         .add(bevy::light::LightPlugin)
+        // Bevy's materials draw lights with them, where Bevy was built with all that it has.
+        .add(bevy::gizmos::GizmoPlugin)
         .add(bevy::core_pipeline::CorePipelinePlugin)
 }
 

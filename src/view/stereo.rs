@@ -18,7 +18,7 @@ use bevy::render::view::ColorGrading;
 use bevy::transform::TransformSystems;
 use bevy::window::PrimaryWindow;
 
-/// Splits a camera's picture for two eyes, side by side: the left half of its target for the left eye, the right half
+/// Splits a camera's picture for two eyes, side by side: the left half of its target, or viewport, for the left eye, the right half
 /// for the right one.
 ///
 /// Put it on a [`Microscope`], an [`Endoscope`](super::Endoscope) or any [`Camera3d`]: two child cameras
@@ -275,6 +275,9 @@ fn drive_eyes(
         let target = target.normalize(primary_window.iter().next());
         let info = target.and_then(|target| target.get_render_target_info(windows, &images, &texture_views).ok());
         let size_px = info.map(|info| info.physical_size).filter(|size| size.x > 1 && size.y > 0);
+        // Side by side in the camera's own viewport, where it has one.
+        let corner_px = rig.viewport.as_ref().map_or(UVec2::ZERO, |viewport| viewport.physical_position);
+        let size_px = size_px.map(|size| rig.viewport.as_ref().map_or(size, |viewport| viewport.physical_size));
         let half_px = size_px.map(|size| UVec2::new(size.x / 2, size.y));
         let reach_m = 0.5 * pair.distance_m();
         let convergence_m = pair.convergence_m(microscope);
@@ -283,7 +286,7 @@ fn drive_eyes(
             transform.set_if_neq(Transform::from_xyz(side * reach_m, 0.0, 0.0));
             let is_right_half = (side > 0.0) != pair.is_crossed;
             let viewport = half_px.map(|physical_size| Viewport {
-                physical_position: UVec2::new(if is_right_half { physical_size.x } else { 0 }, 0),
+                physical_position: corner_px + UVec2::new(if is_right_half { physical_size.x } else { 0 }, 0),
                 physical_size,
                 ..default()
             });

@@ -74,10 +74,12 @@ fn a_critical_structure_is_chosen_in_the_panel() {
     assert_eq!(boxes.len(), before.len(), "one for each structure");
     let at = boxes[first].center();
     harness.hover_at(at);
-    harness.drag_at(at);
     harness.run_ok();
-    harness.drop_at(at);
-    harness.run_ok();
+    for pressed in [true, false] {
+        let (button, modifiers) = (egui::PointerButton::Primary, egui::Modifiers::NONE);
+        harness.event(egui::Event::PointerButton { pos: at, button, pressed, modifiers });
+        harness.run_ok();
+    }
     let app = harness.state_mut();
     app.step(2);
     assert!(structures(app, entity)[first].is_critical);

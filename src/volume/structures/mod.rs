@@ -14,6 +14,7 @@ pub use thresholds::{SolidRamp, ThresholdBand, Thresholds};
 
 use super::error::VolumeFault;
 use bevy::reflect::Reflect;
+use bevy::reflect::std_traits::ReflectDefault;
 use serde::{Deserialize, Serialize};
 
 /// What a structure is made of.
@@ -40,6 +41,7 @@ pub enum Tissue {
 
 /// A named part of a volume.
 #[derive(Clone, Debug, PartialEq, Reflect, Serialize, Deserialize)]
+#[reflect(Default)]
 pub struct Structure {
     /// Its name, as a report shows it.
     pub name: String,

@@ -2,6 +2,13 @@
 
 use super::{Structure, Tissue};
 
+impl Default for Structure {
+    /// Cortical bone without a name.
+    fn default() -> Self {
+        Self::new("", [230, 220, 196], Tissue::CorticalBone)
+    }
+}
+
 impl Tissue {
     /// Hardness as a multiple of cortical bone.
     ///
