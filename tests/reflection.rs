@@ -61,6 +61,8 @@ const NOT_DATA: &[(&str, &str)] = &[
     ("SkinTileLibrary", "holds running tasks"),
     ("ScenarioSystems", "a system set"),
     ("ScenarioRun", "writes a file"),
+    ("Checkpoint", "a copy of a world"),
+    ("BeginMessages", "a system set"),
     ("LogWriter", "writes a file"),
     ("Judge", "follows a run"),
     ("ScriptedHand", "holds a generator of random numbers"),
