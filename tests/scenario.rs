@@ -6,6 +6,8 @@ mod burrs;
 mod documented;
 #[path = "scenario/files.rs"]
 mod files;
+#[path = "scenario/in_view.rs"]
+mod in_view;
 #[path = "scenario/judging.rs"]
 mod judging;
 #[path = "scenario/lesions.rs"]

@@ -45,7 +45,7 @@ pub(super) fn compare(report: &RunReport, earlier: &[RunReport]) -> String {
             content += &multiple(&name, &values, left_out, &|value| metric(kind, value, kind.unit()), |_, _| {});
         }
     }
-    let note = "Each dot is a run, this one the last and filled. Dashed: score from which it is passed.";
+    let note = "Each dot is a run, this one the last and filled. Below: the range that is drawn. Dashed: score from which it is passed.";
     section("", "Earlier runs", note, &format!("<div class=\"multiples\">{content}</div>"))
 }
 
@@ -97,6 +97,9 @@ fn multiple(
     }
     svg.text("tick", "start", [4.0, 81.0], &format!("run {}", left_out + 1));
     svg.text("tick", "end", [196.0, 81.0], &format!("run {}", left_out + values.len()));
+    if range[0] < range[1] {
+        svg.text("tick", "middle", [100.0, 81.0], &format!("{} to {}", told(range[0]), told(range[1])));
+    }
     let now = values.last().copied().flatten().map_or("–".into(), told);
     let name = label(name, 34);
     format!("<div><b>{name}</b> <span class=\"now\">{now}</span>{}</div>", svg.finish(&format!("{name} over runs")))

@@ -33,7 +33,7 @@ fn mark(svg: &mut Svg, severity: Severity, tip: [f64; 2]) {
 
 pub(super) fn timeline(report: &RunReport) -> String {
     let lanes = lanes(&report.series.contacts);
-    let has_blood = report.series.bleeding.iter().any(|point| point.rate_ml_s > 0.0);
+    let has_blood = report.series.bleeding.iter().any(|point| point.lost_ml > 0.0);
     let is_empty = report.outcome.time_s.is_none_or(|time_s| time_s <= 0.0);
     if is_empty || (report.goals.is_empty() && report.violations.is_empty() && lanes.is_empty() && !has_blood) {
         return String::new();
@@ -50,7 +50,7 @@ pub(super) fn timeline(report: &RunReport) -> String {
     }
     let mut y = LANES_TOP;
     if has_blood {
-        bleeding(&mut svg, report, &scale, y);
+        blood(&mut svg, report, &scale, y);
         y += blood_height;
     }
     for lane in &lanes {
@@ -67,7 +67,7 @@ pub(super) fn timeline(report: &RunReport) -> String {
     svg.line("axis", [LEFT, bottom], [RIGHT, bottom]);
     let note = "Diamonds: goals by their number. Triangles: warnings (hollow) and errors (filled); squares: failures. \
                 Bars: contacts; ▲ marks critical structures.";
-    section("", "Timeline", note, &svg.finish("Timeline of goals, violations, bleeding and contacts"))
+    section("", "Timeline", note, &svg.finish("Timeline of goals, violations, blood and contacts"))
 }
 
 /// Goals by their number; those that would hide one another stand in two rows.
@@ -89,24 +89,19 @@ fn lane_name(svg: &mut Svg, y: f64, name: &str, class: &str) {
     svg.text(class, "start", [0.0, y], name);
 }
 
-fn bleeding(svg: &mut Svg, report: &RunReport, time: &Scale, top: f64) {
+/// What was lost so far: also from what has no rate of its own, as bone that is drilled.
+fn blood(svg: &mut Svg, report: &RunReport, time: &Scale, top: f64) {
     let points = &report.series.bleeding;
-    let most = points.iter().map(|point| point.rate_ml_s).fold(0.0, f64::max);
+    let most = points.iter().map(|point| point.lost_ml).fold(0.0, f64::max);
     let (low, high) = (top + 42.0, top + 6.0);
     let scale = Scale::new([0.0, most], [low, high]);
-    lane_name(svg, top + 20.0, "Bleeding", "strong");
-    svg.text("tick", "start", [0.0, top + 34.0], &format!("up to {} ml/s", number(most)));
+    lane_name(svg, top + 20.0, "Blood lost", "strong");
+    svg.text("tick", "start", [0.0, top + 34.0], &format!("up to {} ml", number(most)));
     svg.line("grid", [8.0, top], [RIGHT, top]);
-    let Some(first) = points.first() else { return };
-    // A rate holds until the next one.
+    let (Some(first), Some(last)) = (points.first(), points.last()) else { return };
     let mut outline = vec![[time.at(first.time_s), low]];
-    let mut before = 0.0;
-    for point in points {
-        let x = time.at(point.time_s);
-        outline.extend([[x, scale.at(before)], [x, scale.at(point.rate_ml_s)]]);
-        before = point.rate_ml_s;
-    }
-    outline.extend([[RIGHT, scale.at(before)], [RIGHT, low]]);
+    outline.extend(points.iter().map(|point| [time.at(point.time_s), scale.at(point.lost_ml)]));
+    outline.extend([[RIGHT, scale.at(last.lost_ml)], [RIGHT, low]]);
     svg.polygon(&format!("fill=\"{BLOOD}\" fill-opacity=\".35\" stroke=\"{BLOOD}\" stroke-width=\".8\""), &outline);
 }
 

@@ -142,6 +142,6 @@ pub(super) fn time_axis(svg: &mut Svg, scale: &Scale, top: f64, bottom: f64) {
         svg.line("grid", [x, top], [x, bottom]);
         svg.text("tick", "middle", [x, bottom + 13.0], &short(tick));
     }
-    let unit = if is_long { "min" } else { "s" };
+    let unit = if is_long { "time, min" } else { "time, s" };
     svg.text("tick", "end", [scale.places[1], bottom + 26.0], unit);
 }
