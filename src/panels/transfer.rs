@@ -190,7 +190,7 @@ fn keys(
     let up = 0.02 * (f32::from(pressed(Key::ArrowUp) as u8) - f32::from(pressed(Key::ArrowDown) as u8));
     point.opacity = (point.opacity + up).clamp(0.0, 1.0);
     if pressed(Key::Insert) {
-        let another = ControlPoint { value: point.value + 4.0 * step, ..point.clone() };
+        let another = ControlPoint { value: point.value + 4.0 * step, ..*point };
         function.points.push(another);
         *chosen = Some(function.points.len() - 1);
     }
