@@ -30,19 +30,25 @@ fn comes_back(mut app: TestApp, names: &[&str]) {
 
 #[test]
 fn a_drawn_liver_scene_is_saved_and_loaded() {
-    let app = spawned(|world| drop(world.spawn_scene(liver_scene()).expect("it is ready")));
+    let app = spawned(|world| {
+        world.spawn_scene(liver_scene()).expect("it is ready");
+    });
     comes_back(app, &["Endoscope", "ScopeLight", "AbdominalWall", "Camera3d"]);
 }
 
 #[test]
 fn a_drawn_mastoid_scene_is_saved_and_loaded() {
-    let app = spawned(|world| drop(world.spawn_scene(mastoid_scene()).expect("it is ready")));
+    let app = spawned(|world| {
+        world.spawn_scene(mastoid_scene()).expect("it is ready");
+    });
     comes_back(app, &["Microscope", "MicroscopeLamp", "ToolShadows", "Pool"]);
 }
 
 #[test]
 fn a_drawn_soft_volume_is_saved_and_loaded() {
-    let app = spawned(|world| drop(world.spawn_scene(soft_volume_scene()).expect("it is ready")));
+    let app = spawned(|world| {
+        world.spawn_scene(soft_volume_scene()).expect("it is ready");
+    });
     comes_back(app, &["SoftVolume", "DirectionalLight", "Projection"]);
 }
 

@@ -93,7 +93,7 @@ fn drag(
     let Ok((mut lattice, place)) = lattices.get_mut(held.entity) else { return };
     let now = ray.origin + *ray.direction * held.distance_m;
     let box_from_world = lattice.box_from_body() * place.affine().inverse();
-    let by = box_from_world.transform_vector3((now - held.was_world_m).into());
+    let by = box_from_world.transform_vector3(now - held.was_world_m);
     // As far as matter can go without folding over itself.
     let was = lattice.clone();
     for share in [1.0, 0.5, 0.25, 0.125] {

@@ -108,7 +108,7 @@ fn points_of_a_transfer_function_are_dragged() {
         egui::pos2(hint.left(), preset.bottom() + 3.0),
         egui::pos2(412.0 - (preset.left() - preset.left()), hint.top() - 3.0),
     );
-    let point = before.sorted_points()[1].clone();
+    let point = before.sorted_points()[1];
     let share = ((point.value - range[0]) / (range[1] - range[0])) as f32;
     let at = egui::pos2(plot.left() + share * plot.width(), plot.bottom() - point.opacity * plot.height());
     let to = at + egui::vec2(-20.0, 15.0);
@@ -120,7 +120,7 @@ fn points_of_a_transfer_function_are_dragged() {
     harness.drop_at(to);
     harness.run_ok();
     let world = harness.state_mut().world_mut();
-    let after = world.get::<TransferFunction>(entity).cloned().expect("one").sorted_points()[1].clone();
+    let after = world.get::<TransferFunction>(entity).cloned().expect("one").sorted_points()[1];
     let moved = (after.value - point.value) / (range[1] - range[0]) * f64::from(plot.width());
     assert!((moved + 20.0).abs() < 4.0, "{moved} points to the right");
     assert!(after.opacity < point.opacity, "lower");
