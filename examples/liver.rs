@@ -18,8 +18,8 @@ mod instruments;
 use bevy::camera::visibility::RenderLayers;
 use bevy::prelude::*;
 use bevy_panorbit_camera::{PanOrbitCamera, PanOrbitCameraPlugin};
-use bevy_surgery::organ::procedural_ellipsoid;
 use bevy_surgery::prelude::*;
+use bevy_surgery::scenes::abdominal_wall;
 use bevy_surgery::sound::ears_at_field;
 use common::{Args, Script, Stage, Viewer};
 use instruments::Patient;
@@ -67,9 +67,7 @@ fn setup(
         Patient,
     ));
     // The wall of the abdomen round it: the same kind of organ, hollow and seen from inside.
-    let wall = procedural_ellipsoid(Vec3::new(0.26, 0.24, 0.26), 6);
-    let wall = OrganModel::from_mesh_cached(wall, "abdominal wall", &OrganOptions::default(), &default())?;
-    commands.spawn((Organ(models.add(wall)), Hollow, Skin { seed: args.seed, ..Skin::mucosa() }));
+    commands.spawn_scene(bsn! { abdominal_wall() Skin { seed: {args.seed} } });
     // A smaller organ is looked at from nearer, with less light.
     let nearness = extent_m / OrganPreset::Liver.typical_extent_m();
     let light = ScopeLight::default();

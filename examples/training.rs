@@ -1,8 +1,8 @@
 //! A scenario performed and judged: by you, or by a hand that can (`--expert`) or cannot (`--novice`) do it.
 //!
 //! `--scenario` names a ready one or a file; without it there is a list. 1 to 9 choose the instrument that the mouse (or `--device`)
-//! holds; the left button is the pedal, the wheel reaches in and out, the right button is the second pedal. B puts the next burr on, G
-//! switches the guidance, Escape ends the run.
+//! holds; the left button is the pedal, the right button the second one, the wheel brings it nearer and presses. B puts the next burr on,
+//! G switches the guidance, Escape ends the run and, when it is over, the program.
 //! `--record FILE` writes the run down, `--replay FILE` performs it again, and with `--retry-at SECONDS` it goes on from there with
 //! your hand. When it is over, its report is written beside those of earlier runs (`out/training/run-1.html`, `.csv`, `.json`, or in
 //! `--out`), and compared with them.
@@ -19,7 +19,7 @@ mod panel;
 mod view;
 
 use bevy::prelude::*;
-use bevy_surgery::scenario::log::{LogRecord, RunLog};
+use bevy_surgery::scenario::log::{LogError, LogRecord, RunLog};
 use bevy_surgery::scenario::report::RunReport;
 use bevy_surgery::scenario::scripted::{ScriptedHand, Skill};
 use bevy_surgery::scenario::{READY_SCENARIOS, ReadyScenario, RunPhase, Scenario, ScenarioRun};
@@ -86,6 +86,10 @@ fn run(args: &Args) -> Result<ScenarioRun, String> {
         ScenarioRun::new(scenario).named(name).with_seed(seed)
     };
     if let Some(file) = &args.record {
+        // Nobody wants to hear of it when the run is over.
+        if file.exists() {
+            return Err(LogError::Exists { file: file.display().to_string() }.to_string());
+        }
         run = run.recorded_to(file);
     }
     Ok(run)

@@ -61,7 +61,7 @@ pub struct Args {
     #[arg(long, value_name = "FILE")]
     pub record: Option<PathBuf>,
     /// Follow the camera's path of this file; in the example training perform its run again.
-    #[arg(long, value_name = "FILE", conflicts_with = "record")]
+    #[arg(long, value_name = "FILE")]
     pub replay: Option<PathBuf>,
     /// Hold the instrument with a device, for instance hand:mouse, hand:gamepad, haply, openhaptics, force_dimension, spacemouse or
     /// replay:FILE; a second one holds that of the left hand. `list` tells which there are.

@@ -11,9 +11,12 @@ struct Path3(Vec<[f32; 7]>);
 
 /// Records or replays what the arguments ask for. Call it before the app runs.
 pub fn build(app: &mut App, args: &Args, name: &str) -> Result<(), String> {
-    // It records whole runs by itself.
-    if name == "training" {
+    // These record and open whole runs by themselves.
+    if matches!(name, "training" | "designer") {
         return Ok(());
+    }
+    if args.replay.is_some() && args.record.is_some() {
+        return Err("--record and --replay cannot be used together here".into());
     }
     if let Some(file) = &args.replay {
         app.insert_resource(Path3(read(file)?)).add_systems(FixedFirst, replay);

@@ -1,36 +1,45 @@
 //! The trainee's hands: the mouse holds the instrument that was chosen, or devices hold one each.
 
-use crate::common::{Args, Stage, Viewer, hold_device};
+use crate::common::{Args, hold_device, opens_window};
+use bevy::input::InputSystems;
 use bevy::input::mouse::{AccumulatedMouseScroll, MouseScrollUnit};
 use bevy::prelude::*;
 use bevy::window::PrimaryWindow;
 use bevy_surgery::prelude::*;
-use bevy_surgery::scenario::scripted::ScriptedHand;
-use bevy_surgery::scenario::{Guide, ScenarioEye, ScenarioRun, ScenarioSystems};
+use bevy_surgery::scenario::{Guide, RunPhase, ScenarioEye, ScenarioRun, ScenarioSystems};
 use bevy_surgery::tools::{HoldDevice, SenseDevices};
 
-/// Which instrument the mouse holds, and how far in front of the eye.
-#[derive(Resource, Default)]
-struct Mouse {
-    tool: usize,
+/// Which instrument the mouse holds, and where. Not there where nobody holds one.
+#[derive(Resource)]
+pub struct Mouse {
+    pub tool: usize,
+    /// How far the tip's surface is over what is under the cursor, metres; below 0 it presses.
+    over_m: f32,
+    /// How far in front of the eye that was last, metres.
     reach_m: Option<f32>,
 }
 
-/// Most that the wheel moves at a notch, metres.
-const NOTCH_M: f32 = 1e-3;
+impl Default for Mouse {
+    fn default() -> Self {
+        Self { tool: 0, over_m: 5e-3, reach_m: None }
+    }
+}
+
+/// What the wheel moves at a notch, metres.
+const NOTCH_M: f32 = 5e-4;
+/// How far in front of the eye things are looked for, metres.
+const FAR_M: f32 = 0.4;
 
 pub fn build(app: &mut App) {
-    app.init_resource::<Mouse>().add_systems(Update, take_devices);
-    if app.world().resource::<Stage>().viewer != Viewer::Person {
+    app.add_systems(PreUpdate, stop.after(InputSystems)).add_systems(Update, (take_devices, switch_guidance));
+    let args = app.world().resource::<Args>();
+    let is_led = args.replay.is_some() && args.retry_at.is_none();
+    if is_led || args.expert || args.novice || !opens_window(args) {
         return;
     }
-    app.add_systems(Update, (choose, reach)).add_systems(
-        FixedUpdate,
-        hold.in_set(SurgerySystems::Sense)
-            .after(SenseDevices)
-            .before(ScenarioSystems::Lead)
-            .run_if(not(resource_exists::<ScriptedHand>)),
-    );
+    app.init_resource::<Mouse>()
+        .add_systems(Update, (choose, reach))
+        .add_systems(FixedUpdate, hold.in_set(SurgerySystems::Sense).after(SenseDevices).before(ScenarioSystems::Lead));
 }
 
 /// The first instrument of each hand gets that hand's device.
@@ -49,12 +58,21 @@ fn take_devices(
     }
 }
 
-fn choose(
-    keys: Res<ButtonInput<KeyCode>>,
-    mut mouse: ResMut<Mouse>,
-    mut guide: ResMut<Guide>,
-    mut run: ResMut<ScenarioRun>,
-) {
+/// Escape ends the run, so that it is judged; when it is over, it ends the program as in the other examples.
+fn stop(keys: Option<ResMut<ButtonInput<KeyCode>>>, mut run: ResMut<ScenarioRun>) {
+    let Some(mut keys) = keys.filter(|_| *run.phase() == RunPhase::Running) else { return };
+    if keys.bypass_change_detection().clear_just_pressed(KeyCode::Escape) {
+        run.stop();
+    }
+}
+
+fn switch_guidance(keys: Option<Res<ButtonInput<KeyCode>>>, mut guide: ResMut<Guide>) {
+    if keys.is_some_and(|keys| keys.just_pressed(KeyCode::KeyG)) {
+        guide.is_on = !guide.is_on;
+    }
+}
+
+fn choose(keys: Res<ButtonInput<KeyCode>>, mut mouse: ResMut<Mouse>) {
     let digits = [
         KeyCode::Digit1,
         KeyCode::Digit2,
@@ -69,12 +87,6 @@ fn choose(
     if let Some(tool) = digits.iter().position(|digit| keys.just_pressed(*digit)) {
         mouse.tool = tool;
     }
-    if keys.just_pressed(KeyCode::KeyG) {
-        guide.is_on = !guide.is_on;
-    }
-    if keys.just_pressed(KeyCode::Backspace) {
-        run.stop();
-    }
 }
 
 fn reach(mut mouse: ResMut<Mouse>, wheel: Res<AccumulatedMouseScroll>) {
@@ -82,12 +94,10 @@ fn reach(mut mouse: ResMut<Mouse>, wheel: Res<AccumulatedMouseScroll>) {
         MouseScrollUnit::Line => wheel.delta.y,
         MouseScrollUnit::Pixel => wheel.delta.y / MouseScrollUnit::SCROLL_UNIT_CONVERSION_FACTOR,
     };
-    if let Some(reach_m) = mouse.reach_m.as_mut().filter(|_| notches != 0.0) {
-        *reach_m = (*reach_m + notches * NOTCH_M).clamp(0.02, 0.5);
-    }
+    mouse.over_m = (mouse.over_m - notches * NOTCH_M).clamp(-0.01, 0.1);
 }
 
-/// The tip is on the mouse's ray, as far from the eye as the wheel says.
+/// The tip is on the mouse's ray, as far over what is there as the wheel says.
 fn hold(
     mut mouse: ResMut<Mouse>,
     run: Res<ScenarioRun>,
@@ -95,20 +105,29 @@ fn hold(
     keys: Res<ButtonInput<KeyCode>>,
     windows: Query<&Window, With<PrimaryWindow>>,
     eyes: Query<(&Camera, &GlobalTransform), With<ScenarioEye>>,
-    mut tools: Query<(&Name, &mut ToolPose, &mut ToolCommand), (With<Tool>, Without<HoldDevice>)>,
+    hollows: Query<(), With<Hollow>>,
+    organs: OrganPicking,
+    volumes: VolumePicking,
+    mut tools: Query<(&Name, &Tool, &mut ToolPose, &mut ToolCommand), Without<HoldDevice>>,
 ) {
     let Some((camera, eye)) = eyes.iter().next() else { return };
     let cursor = windows.iter().next().and_then(Window::cursor_position);
     let ray = cursor.and_then(|at| camera.viewport_to_world(eye, at).ok());
-    // At first as far as the middle of the scene, less what an instrument is held over it.
-    let reach_m = *mouse.reach_m.get_or_insert_with(|| eye.translation().length() - 0.06);
+    let under_m = ray.and_then(|ray| {
+        let organ = organs.cast_ray_at(ray, FAR_M, |organ| !hollows.contains(organ)).map(|hit| hit.distance_m);
+        let volume = volumes.cast_ray(ray, FAR_M).map(|hit| hit.distance_m);
+        organ.into_iter().chain(volume).min_by(f32::total_cmp)
+    });
+    mouse.reach_m = under_m.or(mouse.reach_m);
+    // Beside everything it stays as far away as it was, at first as the middle of the scene.
+    let reach_m = mouse.reach_m.unwrap_or(eye.translation().length()) - mouse.over_m;
     let wanted = run.scenario().tools.get(mouse.tool).map(|tool| tool.name.as_str());
-    for (name, mut pose, mut command) in &mut tools {
+    for (name, tool, mut pose, mut command) in &mut tools {
         let Some(ray) = ray.filter(|_| wanted == Some(name.as_str())) else {
             pose.set_if_neq(ToolPose { is_tracked: false, ..*pose });
             continue;
         };
-        let tip_m = ray.get_point(reach_m);
+        let tip_m = ray.get_point(reach_m - tool.tip_radius_m());
         let back = *eye.back() + 0.6 * *eye.right() + 0.3 * *eye.down();
         *pose = ToolPose::with_shaft_towards(tip_m, tip_m + back);
         let share = |button| f32::from(u8::from(buttons.pressed(button)));

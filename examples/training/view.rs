@@ -4,9 +4,9 @@ use crate::common::{Stage, Viewer};
 use bevy::camera::visibility::RenderLayers;
 use bevy::prelude::*;
 use bevy_panorbit_camera::{PanOrbitCamera, PanOrbitCameraPlugin};
-use bevy_surgery::organ::procedural_ellipsoid;
 use bevy_surgery::prelude::*;
 use bevy_surgery::scenario::{ScenarioEye, ScenarioRun, ScenarioScene};
+use bevy_surgery::scenes::abdominal_wall;
 
 pub fn build(app: &mut App) {
     app.add_systems(Update, (look, show_tools, hide_tools).run_if(resource_exists::<Assets<Mesh>>));
@@ -16,13 +16,7 @@ pub fn build(app: &mut App) {
 }
 
 /// A camera where the eye is.
-fn look(
-    mut commands: Commands,
-    stage: Res<Stage>,
-    run: Res<ScenarioRun>,
-    eyes: Query<Entity, Added<ScenarioEye>>,
-    mut models: ResMut<Assets<OrganModel>>,
-) -> Result {
+fn look(mut commands: Commands, stage: Res<Stage>, run: Res<ScenarioRun>, eyes: Query<Entity, Added<ScenarioEye>>) {
     for eye in &eyes {
         let is_bone = run.scenario().scene == ScenarioScene::TemporalBone;
         // The instruments' own light is on layer 1, so that it does not light the patient a second time.
@@ -53,9 +47,7 @@ fn look(
                 Transform::from_xyz(-0.1, 0.12, 0.0),
                 RenderLayers::layer(1),
             ));
-            let wall = procedural_ellipsoid(Vec3::new(0.26, 0.24, 0.26), 6);
-            let wall = OrganModel::from_mesh_cached(wall, "abdominal wall", &OrganOptions::default(), &default())?;
-            commands.spawn((Name::new("abdominal wall"), Organ(models.add(wall)), Hollow, Skin::mucosa()));
+            commands.spawn_scene(abdominal_wall());
         }
         if stage.viewer == Viewer::Person {
             commands.entity(eye).insert(PanOrbitCamera {
@@ -67,7 +59,6 @@ fn look(
             });
         }
     }
-    Ok(())
 }
 
 /// A shaft and a tip for every instrument.
