@@ -13,7 +13,7 @@ const MOST_EDITS: usize = 500;
 /// What was edited, to be undone and done again: components that were changed, added and taken away, entities that were added and
 /// removed.
 ///
-/// A drag is one edit however many frames it takes: changes of the same component are joined until [`settle`](Self::settle) is told
+/// A drag is one edit however many frames it takes: changes of the same component are joined until [`settle`] is told
 /// that the hand rests. Entities that were removed are only [`Disabled`] as long as an undo can bring them back, so that others may go
 /// on referring to them.
 #[derive(Resource, Default)]
