@@ -27,9 +27,12 @@ mod pointer;
 mod replay;
 #[path = "designer/rest.rs"]
 mod rest;
+#[path = "designer/signs.rs"]
+mod signs;
 #[path = "designer/view.rs"]
 mod view;
 
+use bevy::app::TaskPoolOptions;
 use bevy::asset::UnapprovedPathMode;
 use bevy::gizmos::transform_gizmo::TransformGizmoPlugin;
 use bevy::gizmos_render::GizmoRenderPlugin;
@@ -75,9 +78,13 @@ fn main() -> ExitCode {
     // Unlike other examples it opens files wherever they are, and goes on when one cannot be read.
     let window = Window { title: "designer".into(), resolution: (args.size.x, args.size.y).into(), ..default() };
     let assets = AssetPlugin { unapproved_path_mode: UnapprovedPathMode::Allow, ..default() };
+    // Bevy compiles shaders where organs are built, and has one thread for both on four cores: the window would stay black meanwhile.
+    let mut threads = TaskPoolOptions::default();
+    threads.async_compute.min_threads = 2;
+    let threads = TaskPoolPlugin { task_pool_options: threads };
     let mut app = App::new();
     app.add_plugins((
-        DefaultPlugins.set(WindowPlugin { primary_window: Some(window), ..default() }).set(assets),
+        DefaultPlugins.set(WindowPlugin { primary_window: Some(window), ..default() }).set(assets).set(threads),
         SurgeryPlugins,
     ));
     app.insert_resource(Stage { target: default(), viewer: Viewer::Person }).insert_resource(args);
@@ -105,5 +112,6 @@ fn add(app: &mut App) {
     pointer::build(app);
     replay::build(app);
     rest::build(app);
+    signs::build(app);
     view::build(app);
 }

@@ -78,7 +78,7 @@ pub fn panel(ui: &mut egui::Ui, world: &mut World, designer: &mut Designer) {
             ui.colored_label(ui.visuals().error_fg_color, format!("another run from second {second} on"))
                 .on_hover_text(told);
         }
-        let told = "Takes the run over here: the instruments are in your hand from this moment on";
+        let told = "Takes the run over here: from now on its instruments follow the devices that hold them, and Press, Bleed and Burn count";
         retries = ui.button("Retry from here").on_hover_text(told).clicked();
     });
     let timeline = world.resource::<Timeline>().clone();

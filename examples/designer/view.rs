@@ -5,7 +5,7 @@ use crate::common::{Args, Stage};
 use bevy::camera::visibility::RenderLayers;
 use bevy::camera::{CameraOutputMode, Hdr, Viewport};
 use bevy::core_pipeline::tonemapping::Tonemapping;
-use bevy::gizmos::transform_gizmo::{TransformGizmoCamera, TransformGizmoFocus};
+use bevy::gizmos::transform_gizmo::{TransformGizmoCamera, TransformGizmoFocus, TransformGizmoSettings};
 use bevy::prelude::*;
 use bevy::render::render_resource::BlendState;
 use bevy::window::PrimaryWindow;
@@ -18,6 +18,9 @@ use bevy_surgery::view::{ScopeLight, StereoEye, StereoPair};
 
 /// The layer of Bevy's gizmo.
 const GIZMO_LAYER: usize = 15;
+
+/// Size of the gizmo as a share of half the picture's height.
+const GIZMO_SIZE: f32 = 0.24;
 
 /// The designer's own camera.
 #[derive(Component)]
@@ -171,10 +174,19 @@ fn tame_gizmo(
     focus: Query<(), With<TransformGizmoFocus>>,
     through: Query<Entity, With<TransformGizmoCamera>>,
     own: Query<Entity, With<OwnView>>,
+    pairs: Query<(), With<StereoPair>>,
     designer: Res<Designer>,
     stage: Res<Stage>,
+    mut settings: ResMut<TransformGizmoSettings>,
     mut commands: Commands,
 ) {
+    // As large on the screen whatever the lens.
+    if let Some(Projection::Perspective(lens)) = lenses.iter().next() {
+        let factor = GIZMO_SIZE * (0.5 * lens.fov).tan();
+        if settings.screen_scale_factor != factor {
+            settings.screen_scale_factor = factor;
+        }
+    }
     for (entity, layers, mut camera, mut lens, is_tamed) in &mut overlays {
         if *layers != RenderLayers::layer(GIZMO_LAYER) {
             continue;
@@ -189,7 +201,9 @@ fn tame_gizmo(
         if let Some(wanted) = lenses.iter().next() {
             *lens = wanted.clone();
         }
-        let is_active = !focus.is_empty();
+        // It draws over all of the picture what the last camera drew, of a pair the right half.
+        let is_pair = designer.through.is_some_and(|through| pairs.contains(through));
+        let is_active = !focus.is_empty() && !is_pair;
         if camera.is_active != is_active {
             camera.is_active = is_active;
         }

@@ -108,7 +108,7 @@ impl TestApp {
     /// Updates without stepping until every organ, skin and pipeline is there.
     ///
     /// # Panics
-    /// When a pipeline fails, an organ's file or a skin's tiles cannot be used, or it takes longer than a minute.
+    /// When a pipeline fails, an organ's file or a skin's tiles cannot be used, or it takes longer than five minutes.
     pub fn warm_up(&mut self) {
         let mut quiet = 0;
         self.idle_until("organs, skins and pipelines", |app| {
