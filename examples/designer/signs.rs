@@ -4,7 +4,7 @@ use crate::Designer;
 use bevy::camera::visibility::RenderLayers;
 use bevy::prelude::*;
 use bevy_surgery::prelude::*;
-use bevy_surgery::scenario::ScenarioEye;
+use bevy_surgery::scenario::{ScenarioEye, ScenarioRun};
 use bevy_surgery::scenes::NotAuthored;
 use bevy_surgery::view::StereoEye;
 
@@ -36,13 +36,14 @@ fn outline_m(tool: &Tool) -> [f32; 3] {
 fn show_tools(
     mut commands: Commands,
     tools: Query<(Entity, &Tool, &ToolMotion, &GlobalTransform), Without<Body>>,
-    mut bodies: Query<(Entity, &Body, &mut Transform, &mut GlobalTransform), Without<Tool>>,
+    mut bodies: Query<(Entity, &Body, &mut Transform, &mut GlobalTransform, &mut Visibility), Without<Tool>>,
+    run: Option<Res<ScenarioRun>>,
     mut meshes: ResMut<Assets<Mesh>>,
     mut materials: ResMut<Assets<StandardMaterial>>,
     mut paint: Local<Option<Handle<StandardMaterial>>>,
 ) {
     let mut shown = Vec::new();
-    for (entity, body, mut place, mut world_from_body) in &mut bodies {
+    for (entity, body, mut place, mut world_from_body, mut visibility) in &mut bodies {
         let tool = tools.get(body.of).ok().filter(|(_, tool, ..)| outline_m(tool) == body.outline_m);
         let Some((_, _, motion, world_from_tool)) = tool else {
             commands.entity(entity).despawn();
@@ -53,6 +54,9 @@ fn show_tools(
             Some(held) => Transform::from_translation(held.tip_in_world_m).with_rotation(held.world_from_tool),
             None => Transform { scale: Vec3::ONE, ..world_from_tool.compute_transform() },
         };
+        // In a run, what nobody holds lies aside.
+        let is_aside = motion.to.is_none() && run.is_some();
+        visibility.set_if_neq(if is_aside { Visibility::Hidden } else { Visibility::Inherited });
         place.set_if_neq(wanted);
         // It was propagated already.
         *world_from_body = wanted.into();
