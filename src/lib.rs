@@ -104,8 +104,8 @@ pub mod prelude {
     pub use crate::skin::{OrganPreset, Skin, SkinPlugin, TileSource};
     pub use crate::sound::{SoundPlugin, ToolSound};
     pub use crate::tools::{
-        Contact, ContactMatter, ContactPhase, DrillHead, Electrodes, Jaws, Tool, ToolCommand, ToolContacts, ToolForce,
-        ToolGeometry, ToolHand, ToolKind, ToolMotion, ToolPart, ToolPlace, ToolPose, ToolTouched, ToolWork,
+        Contact, ContactMatter, ContactPhase, DrillHead, Electrodes, Intangible, Jaws, Tool, ToolCommand, ToolContacts,
+        ToolForce, ToolGeometry, ToolHand, ToolKind, ToolMotion, ToolPart, ToolPlace, ToolPose, ToolTouched, ToolWork,
         ToolsPlugin, TouchTools,
     };
     #[cfg(feature = "render")]

@@ -15,8 +15,8 @@ use crate::scenario::{ScenarioEye, ScenarioPart};
 use crate::skin::Skin;
 use crate::sound::ToolSound;
 use crate::tools::{
-    DeviceRefused, HoldDevice, ServoReading, Tool, ToolCommand, ToolContacts, ToolControls, ToolForce, ToolMotion,
-    ToolPose, ToolRig, ToolState, ToolWork,
+    DeviceRefused, HoldDevice, Intangible, ServoReading, Tool, ToolCommand, ToolContacts, ToolControls, ToolForce,
+    ToolMotion, ToolPose, ToolRig, ToolState, ToolWork,
 };
 use crate::volume::critical::CriticalDistances;
 use crate::volume::structures::StructureChanges;
@@ -70,7 +70,7 @@ macro_rules! kinds {
 fn own() -> Vec<Kind> {
     kinds![
         // Organs.
-        Organ, LoadOrgan, Hollow, Skin, Reactions, Highlights, SurfaceFeel,
+        Organ, LoadOrgan, Hollow, Skin, Reactions, Highlights, SurfaceFeel, Intangible,
         // What gives way.
         DeformLattice, ElasticBody, LatticeAnimation, SoftVolume,
         // Volumes.

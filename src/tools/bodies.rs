@@ -10,6 +10,12 @@ use bevy::ecs::system::SystemParam;
 use bevy::math::Affine3A;
 use bevy::prelude::*;
 
+/// Marks an organ or a volume that is only seen: instruments pass through it, and scenarios take no notice of it. So is the wall of an
+/// abdomen, through which shafts go.
+#[derive(Component, Clone, Copy, Debug, Default, PartialEq, Eq, Reflect)]
+#[reflect(Component, Default, Clone)]
+pub struct Intangible;
+
 type OrganParts = (
     Entity,
     &'static Organ,
@@ -31,9 +37,9 @@ type VolumeParts = (
 /// Organs and volumes in the world.
 #[derive(SystemParam)]
 pub(super) struct Bodies<'w, 's> {
-    organs: Query<'w, 's, OrganParts>,
+    organs: Query<'w, 's, OrganParts, Without<Intangible>>,
     models: Res<'w, Assets<OrganModel>>,
-    volumes: Query<'w, 's, VolumeParts>,
+    volumes: Query<'w, 's, VolumeParts, Without<Intangible>>,
     soft: Query<'w, 's, (), With<ElasticBody>>,
 }
 

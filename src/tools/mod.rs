@@ -46,6 +46,7 @@ mod tool;
 mod work;
 
 pub use act::tool_number;
+pub use bodies::Intangible;
 pub use contact::{Contact, ContactEvents, ContactMatter, ContactPhase, NEAR_M, ToolContacts, ToolPart, ToolTouched};
 pub use force::{BodyForce, ToolForce};
 #[cfg(feature = "render")]
@@ -114,7 +115,8 @@ impl Plugin for ToolsPlugin {
             .register_type::<DrillHead>()
             .register_type::<ToolForce>()
             .register_type::<BodyForce>()
-            .register_type::<ToolWork>();
+            .register_type::<ToolWork>()
+            .register_type::<Intangible>();
         // Its burr may be another one.
         app.keep_component::<Tool>()
             .keep_component::<ToolPose>()

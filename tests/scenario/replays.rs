@@ -24,6 +24,24 @@ fn a_run_is_repeated_to_the_bit() {
     again(&log);
 }
 
+/// Programs that draw put more into the world than those that do not.
+#[cfg(feature = "scenes")]
+#[test]
+fn a_run_is_the_same_whatever_is_seen_around_it() {
+    let mut app = TestApp::cpu();
+    app.add_systems(Startup, |mut commands: Commands| {
+        commands.spawn_scene(bevy_surgery::scenes::abdominal_wall());
+    });
+    app.insert_resource(ScenarioRun::replay(short_run()));
+    begin(&mut app);
+    while app.world().resource::<ScenarioRun>().end().is_none() {
+        app.step(1);
+    }
+    let mut walls = app.world_mut().query_filtered::<&OrganShape, With<Hollow>>();
+    assert_eq!(walls.iter(app.world()).count(), 1, "it is there");
+    assert_eq!(app.world().resource::<ScenarioRun>().diverged_s(), None);
+}
+
 #[test]
 fn a_run_that_is_another_is_found_by_its_second() {
     let mut log = short_run();

@@ -125,6 +125,18 @@ fn a_shaft_touches_too() {
 }
 
 #[test]
+fn what_is_only_seen_is_not_touched() {
+    let (mut app, organ) = with_organ();
+    let tool = app.world_mut().spawn(Tool::new(ToolKind::Probe)).id();
+    hold(&mut app, tool, Vec3::Y * RADIUS_M, 0.0);
+    app.step(1);
+    assert!(!contacts(&app, tool).list.is_empty());
+    app.world_mut().entity_mut(organ).insert(Intangible);
+    app.step(1);
+    assert!(contacts(&app, tool).list.is_empty());
+}
+
+#[test]
 fn bone_is_touched_where_it_is_left() {
     let placed = Transform::from_xyz(0.02, 0.0, 0.01).with_rotation(Quat::from_rotation_x(-1.2));
     let (mut app, bone) = with_bone(placed);

@@ -5,7 +5,7 @@ use crate::organ::pick::OrganPicker;
 use crate::organ::{LoadOrgan, Organ, OrganLoadFailed, OrganModel, OrganShape};
 use crate::pool::{Bleeder, PoolState, WaterBudget};
 use crate::reactions::ReactionModel;
-use crate::tools::{Tool, ToolCommand, ToolContacts, ToolForce, ToolMotion, ToolPose, ToolState};
+use crate::tools::{Intangible, Tool, ToolCommand, ToolContacts, ToolForce, ToolMotion, ToolPose, ToolState};
 use crate::volume::{
     CtVolume, CutVolume, DeformedVolume, LoadVolume, MakePhantom, PickedVolume, RemovedTissue, VolumeLoadFailed,
 };
@@ -57,9 +57,9 @@ type Unbuilt = (With<MakePhantom>, Without<CtVolume>, Without<VolumeLoadFailed>)
 /// Everything that is looked at.
 #[derive(SystemParam)]
 pub(in crate::scenario) struct Scene<'w, 's> {
-    pub organs: Query<'w, 's, OrganParts>,
+    pub organs: Query<'w, 's, OrganParts, Without<Intangible>>,
     pub models: Option<Res<'w, Assets<OrganModel>>>,
-    pub volumes: Query<'w, 's, VolumeParts>,
+    pub volumes: Query<'w, 's, VolumeParts, Without<Intangible>>,
     pub tools: Query<'w, 's, ToolParts>,
     pub pools: Query<'w, 's, (&'static PoolState, &'static WaterBudget)>,
     pub bleeders: Query<'w, 's, &'static Bleeder>,

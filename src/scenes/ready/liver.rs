@@ -2,6 +2,7 @@
 
 use crate::organ::{Hollow, LoadOrgan, OrganSource};
 use crate::skin::Skin;
+use crate::tools::Intangible;
 #[cfg(feature = "render")]
 use crate::view::{Endoscope, ScopeLight};
 use bevy::prelude::*;
@@ -67,13 +68,14 @@ pub fn liver() -> impl Scene {
     }
 }
 
-/// The wall of the abdomen, seen from inside.
+/// The wall of the abdomen, seen from inside; instruments go through it.
 pub fn abdominal_wall() -> impl Scene {
     let source = OrganSource::Ellipsoid { semi_axes_m: Vec3::new(0.26, 0.24, 0.26), subdivisions: 6 };
     bsn! {
         #AbdominalWall
         template_value(LoadOrgan { source, ..default() })
         Hollow
+        Intangible
         template_value(Skin::mucosa())
     }
 }
