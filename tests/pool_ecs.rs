@@ -2,8 +2,9 @@
 
 use bevy::prelude::*;
 use bevy_surgery::pool::{
-    Bleeder, BleedingControl, BleedingRules, Cavity, Dissolved, FluidSolver, Pool, PoolError, PoolFault, PoolFluid,
-    PoolLevel, PoolState, SuctionGurgled, SuctionIrrigator, SuctionState, TreatBleeders, VesselOpened, WaterBudget,
+    Bleeder, BleedingControl, BleedingRules, Cavity, Dissolved, FluidSolver, Hiding, Pool, PoolError, PoolFault,
+    PoolFluid, PoolLevel, PoolState, SuctionGurgled, SuctionIrrigator, SuctionState, TreatBleeders, VesselOpened,
+    WaterBudget,
 };
 use bevy_surgery::prelude::*;
 use bevy_surgery::testing::TestApp;
@@ -229,9 +230,33 @@ fn vessels_that_were_opened_bleed_until_they_are_sealed() {
     let tool = SuctionIrrigator { irrigation_ml_s: 0.2, ..default() };
     scene.tool(tool, Vec3::Z * (SIDE_M + 3e-3));
     scene.app.step(240);
-    let after = scene.state();
-    assert!(after.hidden_share < 0.1 && after.blood_ml < 0.3 * state.blood_ml, "{after:?}");
+    assert!(scene.state().blood_ml < 0.3 * state.blood_ml, "{:?}", scene.state());
+    scene.app.step(720);
+    assert!(scene.state().hidden_share < 0.1, "{:?}", scene.state());
     scene.assert_balanced();
+}
+
+#[test]
+fn dust_hides_the_field_too_and_more_where_it_is_deep() {
+    let mut scene = Scene::new();
+    scene.hollow();
+    let jet = scene.tool(SuctionIrrigator { irrigation_ml_s: 1.0, ..default() }, Vec3::Z * (SIDE_M + 3e-3));
+    scene.app.step(60);
+    assert_eq!(scene.state().hidden_share, 0.0, "clear water hides nothing");
+    scene.app.world_mut().despawn(jet);
+    scene.drill(Vec3::Z * SIDE_M, Vec3::Z * (SIDE_M - 2e-3), 20);
+    scene.app.step(30);
+    let state = scene.state().clone();
+    assert_eq!(state.blood_ml, 0.0);
+    assert!(state.hidden_share > 0.2, "{state:?}");
+    // What hides the ground of a pool by depth and shares.
+    let fluid = *scene.get::<PoolFluid>();
+    let by_depth = [0.5e-3, 5e-3].map(|depth_m| Hiding::new(&fluid, depth_m));
+    assert_eq!(by_depth.map(|hiding| hiding.hides(0.1, 0.0)), [false, true]);
+    assert_eq!(by_depth.map(|hiding| hiding.hides(0.0, 0.2)), [false, true]);
+    scene.set(PoolFluid { dust_hides: 0.0, ..fluid });
+    scene.app.step(1);
+    assert_eq!(scene.state().hidden_share, 0.0);
 }
 
 #[test]

@@ -9,8 +9,8 @@ use bevy::render::render_resource::{
 use bevy::render::renderer::{RenderDevice, RenderQueue};
 use bevy_surgery::pool::render::flow::{FlowSurface, FlowSurfaces, GpuFlow, MAX_WAITING_STEPS, PoolReadings};
 use bevy_surgery::pool::{
-    Advection, BleedingRules, Dissolved, FluidAction, FluidSolver, FluidSource, Pool, PoolBackend, PoolGrid, PoolState,
-    SolverSettings, SuctionIrrigator, WetMask,
+    Advection, BleedingRules, Dissolved, FluidAction, FluidSolver, FluidSource, Hiding, Pool, PoolBackend, PoolGrid,
+    PoolState, SolverSettings, SuctionIrrigator, WetMask,
 };
 use bevy_surgery::prelude::*;
 use bevy_surgery::testing::TestApp;
@@ -210,7 +210,8 @@ fn steps_wait_for_their_pipelines() {
 fn readings_arrive_and_agree() {
     let mut twins = Twins::new(settings(Advection::SemiLagrangian), basin);
     assert_eq!(twins.readings(), PoolReadings::default());
-    twins.app.world_mut().get_mut::<GpuFlow>(twins.pool).expect("a pool").hidden_from = 0.02;
+    let hiding = Hiding { from: 0.03, dust: 0.6 };
+    twins.app.world_mut().get_mut::<GpuFlow>(twins.pool).expect("a pool").hiding = hiding;
     twins.push(40);
     twins.frame();
     for _ in 0..4 {
@@ -219,7 +220,11 @@ fn readings_arrive_and_agree() {
     let found = twins.readings();
     let cells = || (0..SIZE.y).flat_map(|y| (0..SIZE.x).map(move |x| UVec2::new(x, y)));
     let wet: Vec<UVec2> = cells().filter(|cell| twins.fluid.is_wet(*cell)).collect();
-    let hidden = wet.iter().filter(|cell| twins.fluid.share(Dissolved::Blood, **cell) >= 0.02).count();
+    let shares = |cell: UVec2| [Dissolved::Blood, Dissolved::Dust].map(|what| twins.fluid.share(what, cell));
+    let hides = |cell: UVec2| shares(cell)[0] + hiding.dust * shares(cell)[1] >= hiding.from;
+    let hidden = wet.iter().filter(|cell| hides(**cell)).count();
+    let by_blood = wet.iter().filter(|cell| shares(**cell)[0] >= hiding.from).count();
+    assert!(by_blood + 20 < hidden, "dust hides, too: {by_blood} of {hidden}");
     let fastest = wet.iter().map(|cell| twins.fluid.velocity_m_s(*cell).length()).fold(0.0, f32::max);
     let is_near = |found: f32, expected: f32, relative: f32| (found - expected).abs() <= relative * expected.abs();
     assert_eq!((found.step, found.wet_cells), (40, wet.len() as u32));

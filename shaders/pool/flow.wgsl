@@ -37,8 +37,9 @@ struct FlowUniform {
     noise_period_m: f32,
     // Height of the surface, millimetres, for a pressure of 1.
     mm_per_pressure: f32,
-    // Blood counts as hiding what is below from this share on.
+    // Blood counts as hiding what is below from this share on, and so much of dust does.
     hidden_from: f32,
+    dust_hides: f32,
 }
 
 @group(0) @binding(0) var<uniform> flow: FlowUniform;

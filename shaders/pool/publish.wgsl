@@ -23,7 +23,7 @@ fn publish(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_id
         let right = velocity[place * 2u + 2u];
         let above = velocity[(place + flow.stride) * 2u + 1u];
         let middle = 0.5 * vec2(velocity[place * 2u] + right, velocity[place * 2u + 1u] + above);
-        let hidden = select(0.0, wet, shares.x >= flow.hidden_from);
+        let hidden = select(0.0, wet, shares.x + flow.dust_hides * shares.y >= flow.hidden_from);
         sums = vec4(sums.xyz + vec3(shares, hidden), max(sums.w, length(middle)));
         // Tiles reach beyond the grid.
         if all(cell < flow.size) {

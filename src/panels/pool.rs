@@ -22,7 +22,9 @@ pub(super) fn pool(ui: &mut egui::Ui, world: &mut World, entity: Entity) {
         state.blood_ml,
         state.hidden_share * 100.0
     ))
-    .on_hover_text("Level, cells with fluid, mean depth, blood in the fluid, share of the field that blood hides");
+    .on_hover_text(
+        "Level, cells with fluid, mean depth, blood in the fluid, share of the field that blood and dust hide",
+    );
 }
 
 /// Where the fluid came from and went to.

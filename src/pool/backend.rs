@@ -2,7 +2,7 @@
 
 #[cfg(feature = "render")]
 use super::render::flow::{GpuFlow, PoolReadings};
-use super::{Dissolved, FluidAction, FluidSolver, SolverSettings};
+use super::{Dissolved, FluidAction, FluidSolver, Hiding, SolverSettings};
 use bevy::ecs::VariantDefaults;
 use bevy::prelude::*;
 use serde::{Deserialize, Serialize};
@@ -53,17 +53,17 @@ pub(super) fn advance(
     step_s: f32,
     settings: &SolverSettings,
     action: &FluidAction,
-    hidden_from: f32,
+    hiding: Hiding,
     gravity_m_s2: f32,
 ) -> Known {
     #[cfg(feature = "render")]
     if let Some((flow, readings)) = on_gpu {
-        (flow.gravity_m_s2, flow.hidden_from) = (gravity_m_s2, hidden_from);
+        (flow.gravity_m_s2, flow.hiding) = (gravity_m_s2, hiding);
         flow.push(fluid, step_s, settings, action);
         let hidden_cells = Some(readings.hidden_share * readings.wet_cells as f32);
         return Known { blood: f64::from(readings.blood), hidden_cells, is_on_processor: false };
     }
-    let _ = (on_gpu, hidden_from, gravity_m_s2);
+    let _ = (on_gpu, hiding, gravity_m_s2);
     fluid.step_with(step_s, settings, action);
     Known { blood: fluid.total(Dissolved::Blood), hidden_cells: None, is_on_processor: true }
 }

@@ -104,8 +104,11 @@ pub struct PoolFluid {
     pub dust_settles_s: f32,
     /// Time in which blood in the fluid clots and sinks to 1/e, seconds.
     pub blood_clots_s: f32,
-    /// Share of blood from which on what lies under it is hidden.
-    pub hidden_from: f32,
+    /// Depth of blood without water that hides what lies under it, metres. The default lets a seventh of green light through, by the
+    /// absorption of [`PoolLook`](super::PoolLook).
+    pub hides_from_m: f32,
+    /// How much a paste of bone dust hides, where blood hides 1: by default, too, what those optics say of green light.
+    pub dust_hides: f32,
 }
 
 impl Default for PoolFluid {
@@ -117,7 +120,8 @@ impl Default for PoolFluid {
             dust_per_bone: 3.0,
             dust_settles_s: 8.0,
             blood_clots_s: 240.0,
-            hidden_from: 0.35,
+            hides_from_m: 3.5e-4,
+            dust_hides: 0.45,
         }
     }
 }
@@ -138,7 +142,7 @@ pub struct PoolState {
     pub mean_depth_m: f32,
     /// Blood in the fluid, millilitres.
     pub blood_ml: f64,
-    /// Share of the operating field that blood hides, 0 to 1.
+    /// Share of the operating field that blood and bone dust hide, 0 to 1.
     pub hidden_share: f32,
     /// Foam, oldest first.
     pub foam: Vec<FoamPatch>,

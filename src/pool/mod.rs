@@ -14,6 +14,7 @@ mod columns;
 mod component;
 mod error;
 mod grid;
+mod hiding;
 mod irrigator;
 mod look;
 mod mask;
@@ -34,6 +35,7 @@ pub use cavity::{Cavity, NO_BONE_M};
 pub use component::{FoamPatch, MAX_FOAM, Pool, PoolFault, PoolFluid, PoolState, PoolTemplate};
 pub use error::PoolError;
 pub use grid::{MAX_CELLS, MIN_CELLS, PoolGrid};
+pub use hiding::Hiding;
 pub use irrigator::{SuctionGurgled, SuctionIrrigator, SuctionState};
 pub use look::{FresnelModel, PoolLook};
 pub use mask::WetMask;
@@ -61,6 +63,7 @@ impl Plugin for PoolPlugin {
         app.register_type::<PoolError>()
             .register_type::<PoolGrid>()
             .register_type::<WetMask>()
+            .register_type::<Hiding>()
             .register_type::<Advection>()
             .register_type::<Dissolved>()
             .register_type::<FluidSolver>()

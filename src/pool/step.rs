@@ -6,7 +6,8 @@ use super::columns::Measured;
 use super::component::{FoamPatch, MAX_FOAM, Pool, PoolFluid, PoolState};
 use super::irrigator::{SuctionGurgled, SuctionIrrigator, SuctionState, fluid_share};
 use super::{
-    Cavity, Dissolved, FluidAction, FluidSolver, FluidSource, PoolLevel, PoolSurface, SolverSettings, WaterBudget,
+    Cavity, Dissolved, FluidAction, FluidSolver, FluidSource, Hiding, PoolLevel, PoolSurface, SolverSettings,
+    WaterBudget,
 };
 use crate::gravity::SurgeryGravity;
 use crate::order::by_name;
@@ -320,9 +321,9 @@ pub(super) fn flow(mut pools: Query<Flowing>, mut acting: Acting, time: Res<Time
         state.foam = age_foam(&state.foam, std::mem::take(&mut step.foam), mixing, step_s);
         mix(&fluid, &mut step, &mut state, &mut shown, mixing);
         let gravity_m_s2 = gravity.world_m_per_s2.length();
-        let hidden_from = mixing.hidden_from;
-        let known = advance(&mut fluid, &mut on_gpu, step_s, solver, &step.action, hidden_from, gravity_m_s2);
-        read(&fluid, cavity, &known, &mut state, &shown, mixing);
+        let hiding = Hiding::new(mixing, state.mean_depth_m);
+        let known = advance(&mut fluid, &mut on_gpu, step_s, solver, &step.action, hiding, gravity_m_s2);
+        read(&fluid, cavity, &known, &mut state, &shown, hiding);
         state.steps += 1;
         if state.wet_cells > 0 || !surface.wet_tiles.is_empty() {
             // The GPU writes the surfaces of pools that it moves; it is told which tiles there are.
@@ -486,17 +487,19 @@ fn nearest_wet(fluid: &FluidSolver, place_m: Vec2) -> Vec2 {
 }
 
 /// What scores and panels want to know.
-fn read(fluid: &FluidSolver, cavity: &Cavity, known: &Known, state: &mut PoolState, shown: &Shown, mixing: &PoolFluid) {
+fn read(fluid: &FluidSolver, cavity: &Cavity, known: &Known, state: &mut PoolState, shown: &Shown, hiding: Hiding) {
     state.blood_ml = known.blood * shown.cell_ml;
     let hidden = known.hidden_cells.unwrap_or_else(|| {
-        if known.blood <= 0.0 {
+        if known.blood <= 0.0 && fluid.total(Dissolved::Dust) <= 0.0 {
             return 0.0;
         }
         // The mask reaches a cell beyond what is drilled; that one hides nothing.
         let [low, high] = cavity.bounds();
-        let rows = (low.y..high.y).map(|y| {
-            (low.x..high.x).filter(|x| fluid.share(Dissolved::Blood, UVec2::new(*x, y)) >= mixing.hidden_from).count()
-        });
+        let hides = |x: u32, y: u32| {
+            let [blood, dust] = [Dissolved::Blood, Dissolved::Dust].map(|what| fluid.share(what, UVec2::new(x, y)));
+            hiding.hides(blood, dust)
+        };
+        let rows = (low.y..high.y).map(|y| (low.x..high.x).filter(|x| hides(*x, y)).count());
         rows.sum::<usize>() as f32
     });
     state.hidden_share = if state.field_cells > 0 { (hidden / state.field_cells as f32).min(1.0) } else { 0.0 };

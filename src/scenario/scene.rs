@@ -2,7 +2,7 @@
 
 use super::systems::refuse;
 use super::{ScenarioError, ScenarioEye, ScenarioRun, ScenarioScene};
-use crate::pool::{Pool, PoolBackend, SuctionIrrigator};
+use crate::pool::{Pool, PoolBackend, PoolFluid, SuctionIrrigator};
 use crate::ready;
 use crate::skin::Skin;
 use crate::tools::{Tool, ToolKind};
@@ -13,6 +13,12 @@ use bevy::prelude::*;
 const PHANTOM_VOXELS: u32 = 160;
 /// Working distance of the operating microscope, metres.
 const MICROSCOPE_M: f32 = 0.25;
+/// Water and suction, millilitres a second. A lesson takes a minute of what takes half an hour, so that there is as much more dust and
+/// blood in a second: a litre of water in a quarter of an hour keeps the field as clear as the slower drip does in theatre.
+const IRRIGATION_ML_S: f32 = 1.0;
+const SUCTION_ML_S: f32 = 6.0;
+/// Milky water per volume of drilled bone, for the same reason.
+const DUST_PER_BONE: f32 = 1.0;
 
 /// Part of the scene of a scenario: despawned with it. Beside what [`ScenarioScene`] names.
 #[derive(Component, Clone, Copy, Debug, Default, PartialEq, Eq, Reflect)]
@@ -76,7 +82,8 @@ pub(super) fn spawn_scene(
             let bone = commands.spawn((ScenarioPart, Name::new("temporal bone"), bone, Transform::IDENTITY)).id();
             let pool = Pool { size: UVec2::new(256, 192), cell_m: 2.5e-4, ..Pool::new(bone) };
             // On the processor: a run that is scored can be repeated to the bit.
-            commands.spawn((Name::new("pool"), pool, PoolBackend::Cpu, ready::over_mastoid(), ChildOf(bone)));
+            let place = (PoolBackend::Cpu, ready::over_mastoid(), ChildOf(bone));
+            commands.spawn((Name::new("pool"), pool, PoolFluid { dust_per_bone: DUST_PER_BONE, ..default() }, place));
             let place = ready::before_mastoid(MICROSCOPE_M);
             commands.spawn((ScenarioPart, Name::new("eye"), ScenarioEye, place));
         }
@@ -99,7 +106,8 @@ pub(super) fn spawn_tools(
         }
         let mut tool = commands.spawn((ScenarioPart, Name::new(wanted.name.clone()), wanted.tool.clone()));
         if wanted.tool.kind == ToolKind::SuctionIrrigator {
-            tool.insert(SuctionIrrigator::default());
+            let (irrigation_ml_s, suction_ml_s) = (IRRIGATION_ML_S, SUCTION_ML_S);
+            tool.insert(SuctionIrrigator { irrigation_ml_s, suction_ml_s, ..default() });
         }
     }
 }

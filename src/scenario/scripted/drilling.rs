@@ -14,8 +14,6 @@ const DOWN_M_PER_S: [f32; 2] = [0.03, 0.006];
 const OVER_M: f32 = 0.035;
 /// Where the other hand is, seen along the axis: to the left of the burr and over it, metres.
 const BESIDE_M: [f32; 2] = [9e-3, 4e-3];
-/// Share of the field that blood may hide before it sucks.
-const HIDDEN: f32 = 0.05;
 
 /// How far it is.
 #[derive(Clone, Debug, Default)]
@@ -92,14 +90,13 @@ pub(super) fn drill(
     deeds.push(Deed { tool, pose, command: ToolCommand { pedal: 1.0, ..default() } });
     let other = observed.logged_tools.iter().position(|tool| tool.tool.kind == ToolKind::SuctionIrrigator);
     if let Some(other) = other {
-        let hidden = run.facts().hidden.unwrap_or(0.0);
         let felt_n = run.facts().tools.get(other).map_or(0.0, |facts| facts.force_n);
         let lifted_m = &mut hand.drilling.lifted_m;
         *lifted_m = (*lifted_m + if felt_n > 0.0 { 0.06 } else { -0.004 } * dt_s).clamp(0.0, 0.02);
         let [aside_m, over_m] = BESIDE_M;
         let tip_m = tip_m - right * aside_m + axis * (over_m + *lifted_m);
         let back = (axis - right * 0.7 - up * 0.4).normalize_or(axis);
-        let pedal = if skill.sucks && hidden > HIDDEN { 1.0 } else { 0.0 };
+        let pedal = f32::from(u8::from(skill.sucks));
         let pose = ToolPose::with_shaft_towards(tip_m, tip_m + back);
         deeds.push(Deed { tool: other, pose, command: ToolCommand { pedal, ..default() } });
     }

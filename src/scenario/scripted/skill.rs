@@ -23,7 +23,7 @@ pub struct Skill {
     pub margin_m: f32,
     /// How long it waits before each thing that it does, seconds.
     pub pause_s: f32,
-    /// Whether the other hand sucks when something cannot be seen.
+    /// Whether the other hand sucks.
     pub sucks: bool,
 }
 

@@ -4,7 +4,7 @@ use super::mask::PackedMask;
 use super::readings::PoolReadings;
 use super::uniform::{FlowSource, FlowUniform};
 use crate::pool::source::{FLOW_REACH, FluidAction, FluidSource, SOURCE_REACH};
-use crate::pool::{Advection, FluidSolver, SolverSettings, StirNoise};
+use crate::pool::{Advection, FluidSolver, Hiding, SolverSettings, StirNoise};
 use bevy::prelude::*;
 use bevy::render::render_resource::ShaderType;
 use std::collections::VecDeque;
@@ -20,8 +20,8 @@ pub const MAX_WAITING_STEPS: usize = 240;
 pub struct GpuFlow {
     /// How strongly waves are pulled down, metres per second squared: the height of the surface follows from it.
     pub gravity_m_s2: f32,
-    /// Cells count as hidden in the readings from this share of blood on.
-    pub hidden_from: f32,
+    /// Which cells count as hidden in the readings.
+    pub hiding: Hiding,
     #[reflect(ignore)]
     steps: StepQueue,
     /// Number of the last step.
@@ -33,7 +33,13 @@ pub struct GpuFlow {
 
 impl Default for GpuFlow {
     fn default() -> Self {
-        Self { gravity_m_s2: 9.81, hidden_from: 0.5, steps: StepQueue::default(), last: 0, mask: None }
+        Self {
+            gravity_m_s2: 9.81,
+            hiding: Hiding { from: 0.5, dust: 0.0 },
+            steps: StepQueue::default(),
+            last: 0,
+            mask: None,
+        }
     }
 }
 
@@ -109,7 +115,7 @@ pub(super) struct FlowStep {
     /// After it.
     pub acting: Acting,
     pub mm_per_pressure: f32,
-    pub hidden_from: f32,
+    pub hiding: Hiding,
 }
 
 impl FlowStep {
@@ -158,7 +164,7 @@ impl FlowStep {
             pushing,
             acting,
             mm_per_pressure: if flow.gravity_m_s2 > 0.0 && height.is_finite() { height } else { 0.0 },
-            hidden_from: flow.hidden_from,
+            hiding: flow.hiding,
         }
     }
 

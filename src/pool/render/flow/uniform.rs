@@ -46,6 +46,8 @@ pub struct FlowUniform {
     pub mm_per_pressure: f32,
     /// Share of blood that hides what is below.
     pub hidden_from: f32,
+    /// How much the same share of dust hides.
+    pub dust_hides: f32,
 }
 
 impl FlowUniform {
@@ -71,7 +73,8 @@ impl FlowUniform {
             noise_side: step.noise.side(),
             noise_period_m: step.noise.period_m(),
             mm_per_pressure: step.mm_per_pressure,
-            hidden_from: step.hidden_from,
+            hidden_from: step.hiding.from,
+            dust_hides: step.hiding.dust,
         }
     }
 }
