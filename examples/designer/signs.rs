@@ -1,6 +1,7 @@
 //! What has no look of its own, to be seen where it is: instruments and the cameras of the scene.
 
 use crate::Designer;
+use crate::view::OwnView;
 use bevy::camera::visibility::RenderLayers;
 use bevy::prelude::*;
 use bevy_surgery::prelude::*;
@@ -95,13 +96,19 @@ fn mesh([tip_radius_m, shaft_radius_m, length_m]: [f32; 3]) -> Mesh {
 fn show_cameras(
     mut gizmos: Gizmos,
     designer: Res<Designer>,
+    own: Query<&GlobalTransform, With<OwnView>>,
     cameras: Query<
         (Entity, &GlobalTransform),
         (Or<(With<Camera3d>, With<ScenarioEye>)>, Without<NotAuthored>, Without<StereoEye>, Without<RenderLayers>),
     >,
 ) {
+    let eye_m = own.iter().next().map(GlobalTransform::translation);
     for (entity, place) in cameras.iter().filter(|(entity, _)| designer.through != Some(*entity)) {
         let tip = place.translation();
+        // One that looks from where the designer looks would be lines across the picture.
+        if eye_m.is_some_and(|eye_m| eye_m.distance(tip) < 4.0 * CAMERA_M) {
+            continue;
+        }
         let ends = [(-1.0, -0.75), (1.0, -0.75), (1.0, 0.75), (-1.0, 0.75)].map(|(x, y)| {
             let ahead = 1.5 * place.forward() + x * place.right().as_vec3() + y * place.up().as_vec3();
             tip + CAMERA_M * ahead
