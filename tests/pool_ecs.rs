@@ -241,7 +241,8 @@ fn dust_hides_the_field_too_and_more_where_it_is_deep() {
     let mut scene = Scene::new();
     scene.hollow();
     let jet = scene.tool(SuctionIrrigator { irrigation_ml_s: 1.0, ..default() }, Vec3::Z * (SIDE_M + 3e-3));
-    scene.app.step(600);
+    // Longer than the dust of the hollow takes to settle.
+    scene.app.step(2400);
     assert_eq!(scene.state().hidden_share, 0.0, "clear water hides nothing");
     scene.app.world_mut().despawn(jet);
     scene.drill(Vec3::Z * SIDE_M, Vec3::Z * (SIDE_M - 2e-3), 20);
