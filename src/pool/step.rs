@@ -496,8 +496,9 @@ fn read(fluid: &FluidSolver, cavity: &Cavity, known: &Known, state: &mut PoolSta
         // The mask reaches a cell beyond what is drilled; that one hides nothing.
         let [low, high] = cavity.bounds();
         let hides = |x: u32, y: u32| {
-            let [blood, dust] = [Dissolved::Blood, Dissolved::Dust].map(|what| fluid.share(what, UVec2::new(x, y)));
-            hiding.hides(blood, dust)
+            let cell = UVec2::new(x, y);
+            let [blood, dust] = [Dissolved::Blood, Dissolved::Dust].map(|what| fluid.share(what, cell));
+            fluid.is_wet(cell) && hiding.hides(blood, dust)
         };
         let rows = (low.y..high.y).map(|y| (low.x..high.x).filter(|x| hides(*x, y)).count());
         rows.sum::<usize>() as f32
